@@ -1,0 +1,56 @@
+"""One table of everything that can be said about the quality of a sample or of a fit."""
+
+from __future__ import annotations
+
+from enum import IntFlag, StrEnum
+
+
+class SampleFlag(IntFlag):
+    """Why a sample takes no part in a fit; 0 is a good sample. Stored as uint8, one per sample."""
+
+    CLIPPED = 1  # at or above the white level
+    BLOOM = 2  # beside a clipped sample: charge or lens flare may have spilled over
+    INVALID = 4  # not finite, or not decoded
+
+
+class Flag(StrEnum):
+    """What a reader of a result must know; `MEANING` says it in words."""
+
+    LIGHT_ESTIMATED = "light_estimated"
+    RELATIVE_SCALE = "relative_scale"
+    TRANSFER_ASSUMED = "transfer_assumed"
+    NOISE_ESTIMATED = "noise_estimated"
+    SPHERE_UNCERTAIN = "sphere_uncertain"
+    CLIPPED = "clipped"
+    HIGHLIGHT_CLIPPED = "highlight_clipped"
+    HIGHLIGHT_UNSEEN = "highlight_unseen"
+    COLOUR_CANNOT_SEPARATE = "colour_cannot_separate"
+    NOT_IDENTIFIED = "not_identified"
+    NEAR_BOUND = "near_bound"
+    POOR_FIT = "poor_fit"
+    NO_SPECULAR = "no_specular"
+    NOT_CONVERGED = "not_converged"
+    CHAIN_TOO_SHORT = "chain_too_short"
+    MODEL_UNDECIDED = "model_undecided"
+    LAYERS_DISAGREE = "layers_disagree"
+
+
+MEANING: dict[Flag, str] = {
+    Flag.LIGHT_ESTIMATED: "no light was given: its direction was estimated from the highlight",
+    Flag.RELATIVE_SCALE: "no irradiance was given: albedos are in units of the unknown scale",
+    Flag.TRANSFER_ASSUMED: "the image is not linear: it was linearised by the transfer curve asked for",
+    Flag.NOISE_ESTIMATED: "the noise was estimated from the image itself",
+    Flag.SPHERE_UNCERTAIN: "the sphere's outline was found with poor certainty",
+    Flag.CLIPPED: "more than 1 % of the sphere's samples are clipped",
+    Flag.HIGHLIGHT_CLIPPED: "the highlight's core is clipped: its height is not seen",
+    Flag.HIGHLIGHT_UNSEEN: "no usable sample shows the highlight: the specular numbers come from its tail",
+    Flag.COLOUR_CANNOT_SEPARATE: "body and illuminant colour are too close for colour alone to separate",
+    Flag.NOT_IDENTIFIED: "this photograph does not determine the parameter",
+    Flag.NEAR_BOUND: "the parameter lies at a bound of what is allowed",
+    Flag.POOR_FIT: "the model leaves residuals far above the noise",
+    Flag.NO_SPECULAR: "no highlight stands out from the noise",
+    Flag.NOT_CONVERGED: "the optimiser stopped before it converged",
+    Flag.CHAIN_TOO_SHORT: "the chain is shorter than 50 autocorrelation times",
+    Flag.MODEL_UNDECIDED: "the data do not decide between the best models",
+    Flag.LAYERS_DISAGREE: "separation by colour and separation by shape disagree",
+}

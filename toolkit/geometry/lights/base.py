@@ -1,0 +1,27 @@
+"""What every kind of light shares: one strict schema for scene file and result."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0)]
+Vector = tuple[float, float, float]
+Colour = tuple[Positive, Positive, Positive]
+
+
+class LightModel(BaseModel):
+    """Base of the kinds: frozen, no unknown keys, no NaN, no infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def unit(vector: Vector) -> Vector:
+    """The vector at length 1; raises ValueError where it has none."""
+    length = float(np.linalg.norm(vector))
+    if length < 1e-12:
+        raise ValueError(f"light direction {list(vector)} has no length; expected a vector towards the light")
+    x, y, z = (float(v) / length for v in vector)
+    return x, y, z

@@ -1,0 +1,32 @@
+"""A light so far away that its rays are parallel: the sun, a lamp beyond a hundred sphere radii."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .base import Colour, LightModel, Vector, unit
+
+
+class DirectionalLight(LightModel):
+    """`direction` points towards the light, camera frame; normalised on reading."""
+
+    kind: Literal["directional"] = "directional"
+    direction: Vector
+    direction_sd_deg: float | None = None
+    irradiance: Colour | None = None
+    angular_radius_deg: float = 0.0
+
+    def model_post_init(self, _: object) -> None:
+        """Normalise the direction; raises ValueError on one of length zero."""
+        object.__setattr__(self, "direction", unit(self.direction))
+
+    def at(self, points: Floats) -> tuple[Floats, Floats]:
+        """Directions and irradiance, the same at every point."""
+        shape = np.shape(points)
+        return np.broadcast_to(self.direction, shape), np.broadcast_to(
+            self.irradiance or (1.0, 1.0, 1.0), shape
+        )

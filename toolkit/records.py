@@ -1,0 +1,287 @@
+"""The records that travel between the stages. Frozen; their arrays are read-only; nothing changes its input.
+
+file -> RawFrame -> LinearImage -> Scene -> ColourLayers -> Fit -> Posterior -> MaterialReport.
+Conventions: pixel x right, y down, the centre of the first pixel at (0, 0), after the EXIF orientation;
+camera frame x right, y up, z towards the camera; channels 0, 1, 2 are red, green, blue of the camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
+Projection = Literal["orthographic", "perspective"]
+
+
+def readonly(record: object) -> None:
+    """Set every array of a record read-only; called by each record's `__post_init__`."""
+    for item in fields(record):  # type: ignore[arg-type]  # every caller is a dataclass
+        value = getattr(record, item.name)
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Metadata:
+    """What the file tells of its making; None where it says nothing. Text is untrusted."""
+
+    make: str = ""
+    model: str = ""
+    lens: str = ""
+    software: str = ""
+    taken: str = ""
+    exposure_s: float | None = None
+    iso: float | None = None
+    f_number: float | None = None
+    focal_length_mm: float | None = None
+    focal_length_35mm_mm: float | None = None
+    focal_plane_resolution_px_per_mm: float | None = None
+    noise_profile: tuple[
+        tuple[float, float], ...
+    ] = ()  # DNG: variance = scale * signal + offset, signal in 0..1
+    xyz_to_camera: tuple[tuple[float, float, float], ...] = ()  # DNG ColorMatrix1
+    as_shot_neutral: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()  # what could not be read, and why
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RawFrame:
+    """What a decoder gives: numbers as stored, oriented, nothing scaled.
+
+    `values` is (H, W) uint16 for a mosaic, else (H, W, 3) uint8, uint16 or float32.
+    `cfa` is the 2 x 2 table of channels at rows, columns (0, 0) .. (1, 1) of `values`; None where not a mosaic.
+    `black` and `white` are 2 x 2 tables like `cfa` for a mosaic, else one number per channel; `white` is inf
+    where the format has no ceiling (EXR, Radiance).
+    """
+
+    name: str
+    sha256: str
+    format: Literal["raw", "exr", "png", "tiff", "hdr", "image"]
+    encoding: Literal["linear", "encoded"]  # "encoded": 8 bits, or the file names a transfer curve
+    values: NDArray[Any]
+    cfa: NDArray[np.uint8] | None = None
+    black: Floats
+    white: Floats
+    metadata: Metadata = field(default_factory=Metadata)
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Noise:
+    """Variance of a sample of channel c: gain[c] * signal + read[c]^2, in the image's units."""
+
+    gain: Floats  # (3,)
+    read: Floats  # (3,)
+    source: Literal["given", "noise_profile", "estimated"]
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+    def variance(self, signal: Floats, channel: int) -> Floats:
+        """Variance at an expected signal (never at the noisy sample itself), same shape as `signal`."""
+        return np.asarray(self.gain[channel] * np.maximum(signal, 0.0) + self.read[channel] ** 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane:
+    """Samples of one channel on a regular grid: sample (row, column) lies at origin_px + step_px * (column, row)."""
+
+    channel: int
+    values: NDArray[np.float32]  # (h, w), radiance in the image's units, unclipped below zero
+    flags: NDArray[np.uint8]  # (h, w), SampleFlag
+    origin_px: tuple[float, float]  # x, y
+    step_px: int
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearImage:
+    """A photograph as measurements: an RGB image is three planes of step 1, a Bayer frame four of step 2."""
+
+    name: str
+    sha256: str
+    width_px: int
+    height_px: int
+    planes: tuple[Plane, ...]
+    noise: Noise
+    white: float  # the level at which samples clip, in the image's units; inf where there is none
+    transfer_assumed: bool = False
+    metadata: Metadata = field(default_factory=Metadata)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Camera:
+    """The projection. `focal_length_px` and `principal_point_px` count only for "perspective"."""
+
+    projection: Projection = "orthographic"
+    focal_length_px: float | None = None
+    principal_point_px: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sphere:
+    """A sphere's image: where its centre projects, and focal_length_px x tan(angular radius) (or the outline's)."""
+
+    centre_px: tuple[float, float]
+    radius_px: float
+    covariance_px2: Floats  # (3, 3) of centre x, centre y, radius
+    source: Literal["given", "detected"]
+    given: Mapping[str, Any] | None = None  # what the user said, where detection refined it
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+class Light(Protocol):
+    """One kind of light; each lives in its own file of `toolkit.geometry.lights`."""
+
+    kind: str
+
+    def at(self, points: Floats) -> tuple[Floats, Floats]:
+        """Unit directions towards the light (N, 3) and irradiance on a facing plane (N, 3) at `points`.
+
+        `points` (N, 3) are in sphere radii from the sphere's centre, camera frame. Where no irradiance is given
+        it is 1 in every channel at the sphere's centre.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """Known geometry and light. `scale` is "relative" where no light has a known irradiance."""
+
+    camera: Camera
+    sphere: Sphere
+    lights: tuple[Any, ...]  # of Light
+    light_source: Literal["given", "estimated"] = "given"
+    scale: Literal["absolute", "relative"] = "relative"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ColourLayers:
+    """What colour alone separates, on the sphere's box of quads (a mosaic's 2 x 2) or pixels.
+
+    Layers are (h, w, 3) radiance, NaN off the sphere; `origin_px` and `step_px` place them as in Plane.
+    `covariance` is of the two coefficients (body, light) of each pixel: (h, w, 3) as var, cov, var.
+    """
+
+    method: str
+    body_colour: Floats  # (3,), unit norm
+    light_colour: Floats  # (3,), unit norm
+    body_covariance: Floats  # (3, 3)
+    light_covariance: Floats  # (3, 3)
+    light_source: str  # where the light's colour comes from
+    angle_deg: float
+    angle_sd_deg: float
+    cluster: Literal["point", "line", "plane", "volume"]
+    diffuse: Floats
+    specular: Floats
+    covariance: Floats
+    residual: Floats  # (h, w), distance from the plane of the two colours, radiance
+    origin_px: tuple[float, float]
+    step_px: int
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimate:
+    """One parameter of a fit; colour parameters carry (3,) arrays, intervals are (low, high). None: not available."""
+
+    name: str
+    unit: str
+    estimate: float | Floats | None  # posterior mean
+    mode: float | Floats | None
+    sd: float | Floats | None
+    sd_statistical: float | Floats | None
+    interval_68: tuple[Any, Any] | None
+    interval_90: tuple[Any, Any] | None
+    posterior_to_prior: float | Floats | None
+    note: str = ""  # in words, why a parameter is not identified
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Diagnostics:
+    """How well a posterior was sampled."""
+
+    samples: int
+    ess_min: float
+    r_hat_max: float
+    tau_max: float
+    acceptance: float
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """One model fitted to one photograph.
+
+    `shape` holds the non-linear numbers at the mode by name, `colours` the linear ones by name, (3,) each:
+    "diffuse_albedo", "pedestal", and "specular_albedo", or "specular_strength" and "specular_f0".
+    `draws` are posterior draws by parameter name, (chains, draws) or (chains, draws, 3).
+    """
+
+    model: str
+    variant: Mapping[str, str]
+    diffuse: str
+    status: str  # "converged", or the reason why not, as a message
+    flags: tuple[str, ...]
+    shape: Mapping[str, float]
+    colours: Mapping[str, Floats]
+    chi2_reduced: float
+    elpd: float
+    elpd_blocks: Floats  # (blocks,), summing to elpd
+    parameters: tuple[Estimate, ...]
+    diagnostics: Diagnostics | None
+    draws: Mapping[str, Floats]
+    scene: Scene  # the geometry at the optimum, with fitted nuisances
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModelLayers:
+    """The best fit's own pictures on the sphere's box; (h, w, 3) radiance, NaN off the sphere.
+
+    diffuse + specular + pedestal = model; residual = photograph - model.
+    """
+
+    photograph: Floats
+    diffuse: Floats
+    specular: Floats
+    model: Floats
+    residual: Floats
+    used: NDArray[np.bool_]  # (h, w, 3): which samples took part in the fit
+    pedestal: Floats  # (3,)
+    origin_px: tuple[float, float]
+    step_px: int
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MaterialReport:
+    """Everything the outputs are made from."""
+
+    schema: ClassVar[str] = "fit-material/1"
+
+    image: LinearImage
+    scene: Scene
+    separation: ColourLayers | None
+    fits: tuple[Fit, ...]
+    best: int
+    preferred: int | None
+    elpd_difference: tuple[float, float] | None  # best minus runner-up, and its sd
+    layers: ModelLayers | None
+    flags: tuple[str, ...]
+    seconds: Mapping[str, float]  # by stage

@@ -1,0 +1,99 @@
+"""What a lobe says of itself, and the register that tests, documentation, command line and exports read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from typing import Any, Literal
+
+from toolkit.records import Floats
+
+from .cosines import Cosines
+
+Evaluate = Callable[..., Floats]
+Gradient = Callable[..., tuple[Floats, ...]]
+
+
+class Claim(Enum):
+    """What a lobe says is true of it; the laws in the tests hold it to that."""
+
+    RECIPROCAL = auto()  # lobe / n.l is symmetric in light and view
+    CONSERVES_ENERGY = auto()  # albedo <= 1 over the whole box of its parameters
+    BOUNDED_AT_GRAZING_VIEW = auto()  # under a fixed light
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Parameter:
+    """One number of a lobe's shape."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    log: bool  # sampled and searched in its logarithm, prior uniform there
+    starts: tuple[float, ...]  # where searches begin
+    typical: str  # "0.02 glossy paint, 0.3 paper"
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lobe:
+    """One lobe: BRDF times n.l in sr^-1, without its colour (and without F where `fresnel` is set).
+
+    `evaluate(cosines, *shape, **variant)` returns an array of the cosines' shape, 0 where n.l or n.v is 0;
+    shape numbers are floats, or arrays that broadcast. `gradient` returns its derivative in each shape number.
+    """
+
+    name: str
+    title: str
+    kind: Literal["diffuse", "specular"]
+    colour: Literal["diffuse_albedo", "specular_albedo", "specular_strength"]
+    parameters: tuple[Parameter, ...]
+    evaluate: Evaluate
+    gradient: Gradient
+    formula: str  # LaTeX, as the docs page shows it
+    source: str  # key in docs/bibliography.bib
+    sharp_angle: Literal["half", "mirror"] | None = None  # which angle carries structure as fine as the shape
+    fresnel: bool = False  # the assembly multiplies by Fresnel's factor at theta_d
+    variants: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # option -> choices, the default first
+    claims: frozenset[Claim] = frozenset()
+
+    def value(
+        self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
+    ) -> Floats:
+        """The lobe at `cosines` for one tuple of shape numbers."""
+        return self.evaluate(cosines, *shape, **self.complete(variant))
+
+    def derivative(
+        self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
+    ) -> tuple[Floats, ...]:
+        """The derivative of `value` in each shape number."""
+        return self.gradient(cosines, *shape, **self.complete(variant))
+
+    def complete(self, variant: Mapping[str, str] | None) -> dict[str, str]:
+        """All options, with the defaults filled in; raises ValueError on one that does not exist."""
+        chosen = {option: choices[0] for option, choices in self.variants.items()}
+        for option, choice in (variant or {}).items():
+            if option not in self.variants:
+                known = ", ".join(self.variants) or "none"
+                raise ValueError(f"{self.name} has no variant {option!r}; it has: {known}")
+            if choice not in self.variants[option]:
+                raise ValueError(
+                    f"{self.name}:{option}={choice!r}; expected one of {', '.join(self.variants[option])}"
+                )
+            chosen[option] = choice
+        return chosen
+
+
+LOBES: dict[str, Lobe] = {}
+
+
+def register(lobe: Lobe) -> Lobe:
+    """Add a lobe to the register; its file is imported by `toolkit.reflectance`. Raises on a name taken."""
+    if lobe.name in LOBES:
+        raise ValueError(f"a lobe named {lobe.name!r} exists already")
+    LOBES[lobe.name] = lobe
+    return lobe
