@@ -41,9 +41,7 @@ class Metadata:
     focal_length_mm: float | None = None
     focal_length_35mm_mm: float | None = None
     focal_plane_resolution_px_per_mm: float | None = None
-    noise_profile: tuple[
-        tuple[float, float], ...
-    ] = ()  # DNG: variance = scale * signal + offset, signal in 0..1
+    noise_profile: tuple[tuple[float, float], ...] = ()  # DNG: variance = scale * signal + offset, signal in 0..1
     xyz_to_camera: tuple[tuple[float, float, float], ...] = ()  # DNG ColorMatrix1
     as_shot_neutral: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()  # what could not be read, and why

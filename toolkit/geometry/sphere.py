@@ -72,9 +72,7 @@ def bounding_box(scene: Scene, width_px: int, height_px: int) -> tuple[int, int,
     grow = 1.0
     if camera.projection == "perspective" and camera.focal_length_px and camera.principal_point_px:
         # the outline is an ellipse: longer along the line to the principal point by up to 1 / cos^2 of the edge
-        off = (
-            np.hypot(cx - camera.principal_point_px[0], cy - camera.principal_point_px[1]) + sphere.radius_px
-        )
+        off = np.hypot(cx - camera.principal_point_px[0], cy - camera.principal_point_px[1]) + sphere.radius_px
         grow = 1.0 + (off / camera.focal_length_px) ** 2
     reach = sphere.radius_px * grow + 2.0
     x0, y0 = max(int(np.floor(cx - reach)), 0), max(int(np.floor(cy - reach)), 0)

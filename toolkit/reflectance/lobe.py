@@ -56,14 +56,10 @@ class Lobe:
     source: str  # key in docs/bibliography.bib
     sharp_angle: Literal["half", "mirror"] | None = None  # which angle carries structure as fine as the shape
     fresnel: bool = False  # the assembly multiplies by Fresnel's factor at theta_d
-    variants: Mapping[str, tuple[str, ...]] = field(
-        default_factory=dict
-    )  # option -> choices, the default first
+    variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # option -> choices, the default first
     claims: frozenset[Claim] = frozenset()
 
-    def value(
-        self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
-    ) -> Floats:
+    def value(self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None) -> Floats:
         """The lobe at `cosines` for one tuple of shape numbers."""
         return self.evaluate(cosines, *shape, **self.complete(variant))
 
@@ -81,9 +77,7 @@ class Lobe:
                 known = ", ".join(self.variants) or "none"
                 raise ValueError(f"{self.name} has no variant {option!r}; it has: {known}")
             if choice not in self.variants[option]:
-                raise ValueError(
-                    f"{self.name}:{option}={choice!r}; expected one of {', '.join(self.variants[option])}"
-                )
+                raise ValueError(f"{self.name}:{option}={choice!r}; expected one of {', '.join(self.variants[option])}")
             chosen[option] = choice
         return chosen
 

@@ -27,6 +27,4 @@ class DirectionalLight(LightModel):
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance, the same at every point."""
         shape = np.shape(points)
-        return np.broadcast_to(self.direction, shape), np.broadcast_to(
-            self.irradiance or (1.0, 1.0, 1.0), shape
-        )
+        return np.broadcast_to(self.direction, shape), np.broadcast_to(self.irradiance or (1.0, 1.0, 1.0), shape)

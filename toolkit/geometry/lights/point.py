@@ -23,9 +23,7 @@ class PointLight(LightModel):
     def model_post_init(self, _: object) -> None:
         """Refuse a light inside the sphere."""
         if np.linalg.norm(self.position) <= 1.0:
-            raise ValueError(
-                f"light position {self.position} lies inside the sphere; expected beyond 1 sphere radius"
-            )
+            raise ValueError(f"light position {self.position} lies inside the sphere; expected beyond 1 sphere radius")
 
     @property
     def direction(self) -> Vector:
