@@ -23,5 +23,7 @@ def unit(vector: Vector) -> Vector:
     length = float(np.linalg.norm(vector))
     if length < 1e-12:
         raise ValueError(f"light direction {list(vector)} has no length; expected a vector towards the light")
+    if abs(length - 1.0) < 1e-12:
+        return vector  # so that what was written is read back to the last bit
     x, y, z = (float(v) / length for v in vector)
     return x, y, z
