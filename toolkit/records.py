@@ -244,6 +244,7 @@ class Fit:
     diagnostics: Diagnostics | None
     draws: Mapping[str, Floats]
     scene: Scene  # the geometry at the optimum, with fitted nuisances
+    nuisances: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # shift and its sd, by name with unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

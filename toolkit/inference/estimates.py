@@ -1,0 +1,181 @@
+"""From draws to what a person reads: estimates with intervals, by name and unit, and what the data cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from toolkit.flags import Flag
+from toolkit.records import Estimate, Floats
+
+from .fit import Optimum, signal_scale
+from .normal import inverse
+from .posterior import Draws
+
+UNIFORM_SD = 12**-0.5  # of a uniform prior, per unit of its width
+UNIDENTIFIED = 0.5  # posterior over prior width from which a parameter counts as not identified
+DETECTED_SD = 3.0  # sds by which a specular strength must stand above nothing
+
+F0_NOTE = (
+    "one light, or several at one angle to the view, show F0 and the unknown scale only as their product: "
+    "give the irradiance, or a second light at another angle"
+)
+
+
+def named_draws(optimum: Optimum, u: Floats, x: Floats) -> dict[str, Floats]:
+    """Draws by parameter name: (S,) for a shape number, (S, 3) for a colour."""
+    problem = optimum.problem
+    result: dict[str, Floats] = {
+        p.name: np.exp(u[:, d]) if p.log else u[:, d] for d, p in enumerate(problem.model.parameters)
+    }
+    result["diffuse_albedo"] = problem.layout.of("diffuse_albedo", x)
+    result.update(_specular_draws(optimum, x))
+    result["pedestal"] = problem.layout.of("pedestal", x)
+    return result
+
+
+def _specular_draws(optimum: Optimum, x: Floats) -> dict[str, Floats]:
+    fresnel, layout = optimum.problem.fresnel, optimum.problem.layout
+    s = fresnel.reference_s
+    if fresnel.kind == "none":
+        return {"specular_albedo": layout.of("specular_albedo", x)}
+    if fresnel.kind == "strength":
+        return {"specular_strength": layout.of("specular_strength", x)}
+    if fresnel.kind == "known":
+        f0 = layout.of("specular_f0", x)
+        return {"specular_strength": f0 * (1 - s) + s, "specular_f0": f0}
+    product, scale = layout.of("specular_scale_f0", x), layout.of("specular_scale", x)
+    return {
+        "specular_strength": product * (1 - s) + scale * s,
+        "specular_f0": product / np.maximum(scale, 1e-30),
+    }
+
+
+def unit_of(optimum: Optimum, name: str) -> str:
+    """Unit of a parameter as a reader should see it."""
+    for p in optimum.problem.model.parameters:
+        if p.name == name:
+            return p.unit
+    if name == "pedestal":
+        return "image units"
+    relative = optimum.problem.scene.scale == "relative" and name != "specular_f0"
+    return "relative" if relative else "1"
+
+
+def estimates_of(optimum: Optimum, draws: Draws) -> tuple[Estimate, ...]:
+    """Every parameter with posterior mean, mode, sds and equal-tailed intervals."""
+    by_name = named_draws(optimum, draws.u, draws.x)
+    mode = named_draws(optimum, optimum.u[None], optimum.x[None])
+    statistical = statistical_sds(optimum)
+    prior = _prior_sds(optimum)
+    result = [
+        _estimate(optimum, name, values, mode[name][0], statistical.get(name), prior[name])
+        for name, values in by_name.items()
+    ]
+    if optimum.problem.fresnel.kind == "strength":
+        result.append(_unidentified_f0())
+    return tuple(result)
+
+
+def _estimate(
+    optimum: Optimum, name: str, values: Floats, mode: Floats, statistical: Floats | None, prior_sd: Floats
+) -> Estimate:
+    sd = values.std(axis=0, ddof=1)
+    low68, low90, high90, high68 = np.percentile(values, [16, 5, 95, 84], axis=0)
+    return Estimate(
+        name=name,
+        unit=unit_of(optimum, name),
+        estimate=values.mean(axis=0),
+        mode=mode,
+        sd=sd,
+        sd_statistical=statistical,
+        interval_68=(low68, high68),
+        interval_90=(low90, high90),
+        posterior_to_prior=sd / prior_sd,
+    )
+
+
+def _unidentified_f0() -> Estimate:
+    return Estimate(
+        name="specular_f0",
+        unit="1",
+        estimate=None,
+        mode=None,
+        sd=None,
+        sd_statistical=None,
+        interval_68=None,
+        interval_90=None,
+        posterior_to_prior=np.ones(3),
+        note=F0_NOTE,
+    )
+
+
+def statistical_sds(optimum: Optimum) -> dict[str, Floats]:
+    """Sds that the noise alone would leave, were the calibration exactly known; none for derived ratios."""
+    problem = optimum.problem
+    named = len(problem.layout.names)
+    keep = np.r_[0:named, problem.layout.size : len(optimum.joint)]
+    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint[np.ix_(keep, keep)])), 0.0))
+    linear = np.concatenate([sd[:named], np.zeros(problem.layout.extras)])
+    result: dict[str, Floats] = {}
+    shape = problem.model.natural(optimum.u)
+    for d, p in enumerate(problem.model.parameters):
+        result[p.name] = np.asarray(sd[named + d] * (shape[d] if p.log else 1.0))
+    for name in {name for name, _ in problem.layout.names} - {"specular_scale_f0", "specular_scale"}:
+        result[name] = problem.layout.of(name, linear)
+    if problem.fresnel.kind == "known":
+        result["specular_strength"] = result["specular_f0"] * (1 - problem.fresnel.reference_s)
+    return result
+
+
+def _prior_sds(optimum: Optimum) -> dict[str, Floats]:
+    """Sds of the priors that the parameters are judged against: what was known before the photograph."""
+    problem = optimum.problem
+    light = np.max([lamp.at(np.zeros((1, 3)))[1] for lamp in problem.scene.lights])
+    unit = 1.0 if problem.scene.scale == "absolute" else np.pi * signal_scale(problem.cells) / light
+    result: dict[str, Floats] = {}
+    shape = problem.model.natural(optimum.u)
+    for number, p in zip(shape, problem.model.parameters, strict=True):
+        width = number * np.log(p.high / p.low) if p.log else p.high - p.low
+        result[p.name] = np.asarray(width * UNIFORM_SD)
+    colour = np.full(3, unit * UNIFORM_SD)
+    pedestal = problem.layout.of("pedestal", np.diag(problem.prior.precision) ** -0.5)
+    return result | {
+        "diffuse_albedo": colour,
+        "specular_albedo": colour,
+        "specular_strength": colour,
+        "specular_f0": np.full(3, UNIFORM_SD),
+        "pedestal": pedestal,
+    }
+
+
+def flags_of(optimum: Optimum, estimates: tuple[Estimate, ...], draws: Draws, chi2_reduced: float) -> tuple[str, ...]:
+    """What a reader of this fit must know."""
+    found: list[str] = []
+    if optimum.status != "converged":
+        found.append(Flag.NOT_CONVERGED)
+    if not draws.long_enough:
+        found.append(Flag.CHAIN_TOO_SHORT)
+    if optimum.on_bound.any():
+        found.append(Flag.NEAR_BOUND)
+    by_name: Mapping[str, Estimate] = {e.name: e for e in estimates}
+    ignored = {"pedestal"}
+    wide = [
+        e.name
+        for e in estimates
+        if e.name not in ignored and e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED
+    ]
+    if wide:
+        found.append(Flag.NOT_IDENTIFIED)
+    specular = by_name.get("specular_strength") or by_name["specular_albedo"]
+    if specular.estimate is not None and specular.sd is not None:
+        over = np.asarray(specular.estimate) / np.maximum(specular.sd, 1e-300)
+        if np.all(over < DETECTED_SD):
+            found.append(Flag.NO_SPECULAR)
+    if chi2_reduced > POOR_CHI2:
+        found.append(Flag.POOR_FIT)
+    return tuple(found)
+
+
+POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples each

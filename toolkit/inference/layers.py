@@ -1,0 +1,91 @@
+"""A fit's own pictures: what known shape separates, exact where colour alone cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolkit.geometry.sphere import surface
+from toolkit.records import Fit, Floats, ModelLayers
+from toolkit.reflectance.lobe import LOBES
+
+from .model import TYPICAL_F0, Lit, lit_by, mirror_schlick
+
+CHUNK = 1 << 18  # samples predicted at a time, so that memory stays flat
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """Radiance of a fit at pixel coordinates: (N, 3) each, the pedestal (3,)."""
+
+    diffuse: Floats
+    specular: Floats
+    pedestal: Floats
+
+    @property
+    def model(self) -> Floats:
+        """The whole radiance (N, 3)."""
+        return self.diffuse + self.specular + self.pedestal
+
+
+def predict(fit: Fit, x_px: Floats, y_px: Floats) -> Prediction:
+    """Predict radiance at pixel coordinates (N,) of the sphere; zero in shadow."""
+    parts = [_predict(fit, x_px[i : i + CHUNK], y_px[i : i + CHUNK]) for i in range(0, max(len(x_px), 1), CHUNK)]
+    return Prediction(
+        diffuse=np.concatenate([d for d, _ in parts]),
+        specular=np.concatenate([s for _, s in parts]),
+        pedestal=np.asarray(fit.colours["pedestal"]),
+    )
+
+
+def _predict(fit: Fit, x_px: Floats, y_px: Floats) -> tuple[Floats, Floats]:
+    body, gloss = LOBES[fit.diffuse], LOBES[fit.model]
+    numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
+    diffuse, specular = np.zeros((len(x_px), 3)), np.zeros((len(x_px), 3))
+    for lit in lit_by(fit.scene, x_px, y_px):
+        diffuse += lit.irradiance * body.value(lit.cosines, numbers[1])[:, None] * fit.colours["diffuse_albedo"]
+        value = gloss.value(lit.cosines, numbers[0], fit.variant)[:, None]
+        specular += lit.irradiance * value * specular_colour(fit, lit)
+    return diffuse, specular
+
+
+def specular_colour(fit: Fit, lit: Lit) -> Floats:
+    """The specular lobe's colour at each sample (N, 3): Fresnel's factor where the lobe has one."""
+    if "specular_albedo" in fit.colours:
+        return np.asarray(fit.colours["specular_albedo"])
+    f0 = np.nan_to_num(fit.colours["specular_f0"], nan=TYPICAL_F0)
+    reference = mirror_schlick(fit.scene, fit.scene.lights[0])
+    s = lit.schlick[:, None]
+    ratio = (f0 * (1 - s) + s) / (f0 * (1 - reference) + reference)
+    return np.asarray(fit.colours["specular_strength"] * ratio)
+
+
+def layers_of(
+    fit: Fit, picture: Floats, used: NDArray[np.bool_], *, origin_px: tuple[float, float], step_px: int
+) -> ModelLayers:
+    """The fit's layers over a picture (h, w, 3) placed as in `Plane`; NaN off the sphere."""
+    height, width = picture.shape[:2]
+    row, column = np.mgrid[:height, :width].reshape(2, -1)
+    x, y = origin_px[0] + step_px * column, origin_px[1] + step_px * row
+    on_sphere = surface(fit.scene.camera, fit.scene.sphere, x, y).on_sphere
+    there = predict(fit, x[on_sphere], y[on_sphere])
+
+    def image(values: Floats) -> Floats:
+        full = np.full((height * width, 3), np.nan, np.float32)
+        full[on_sphere] = values
+        return full.reshape(height, width, 3)
+
+    model = image(there.model)
+    return ModelLayers(
+        photograph=np.asarray(picture, np.float32),
+        diffuse=image(there.diffuse),
+        specular=image(there.specular),
+        model=model,
+        residual=np.asarray(picture, np.float32) - model,
+        used=used & on_sphere.reshape(height, width, 1),
+        pedestal=np.array(there.pedestal),
+        origin_px=origin_px,
+        step_px=step_px,
+    )

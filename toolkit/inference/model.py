@@ -1,0 +1,215 @@
+"""A model of the radiance: one diffuse and one specular lobe, linear in their colours, and its columns on the cells.
+
+radiance[p, c] = sum over lights E[p, c] (albedo_c diffuse + F specular) + pedestal_c, with F by Schlick where the
+lobe wants it: F0 (1 - s) + s, s = (1 - cos theta_d)^5, so that F0 is one more linear number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from toolkit.geometry.sphere import surface
+from toolkit.records import Floats, Scene
+from toolkit.reflectance.cosines import Cosines
+from toolkit.reflectance.lobe import LOBES, Lobe, Parameter
+
+from .cells import Cells
+
+IDENTIFYING_SPREAD = 0.02  # spread of Schlick's s over the highlights from which F0 and strength come apart
+TYPICAL_F0 = 0.04  # of a dielectric of index 1.5; shapes F(theta_d) where F0 itself is not identified
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Model:
+    """Which lobes, which variants of them, and whether the specular colour is one number or three."""
+
+    specular: Lobe
+    diffuse: Lobe
+    variant: Mapping[str, str] = field(default_factory=dict)
+    neutral: bool = False
+
+    @classmethod
+    def named(
+        cls, specular: str, diffuse: str = "lambert", variant: Mapping[str, str] | None = None, *, neutral: bool = False
+    ) -> Model:
+        """From the lobes' names; raises KeyError on an unknown one, ValueError on an unknown variant."""
+        lobe = LOBES[specular]
+        return cls(specular=lobe, diffuse=LOBES[diffuse], variant=lobe.complete(variant), neutral=neutral)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The shape's parameters: the specular lobe's, then the diffuse lobe's."""
+        return self.specular.parameters + self.diffuse.parameters
+
+    def natural(self, u: Floats) -> tuple[float, ...]:
+        """Shape numbers from the coordinates in which they are searched and sampled."""
+        return tuple(float(np.exp(v)) if p.log else float(v) for p, v in zip(self.parameters, u, strict=True))
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds of the coordinates."""
+        low = np.array([np.log(p.low) if p.log else p.low for p in self.parameters])
+        return low, np.array([np.log(p.high) if p.log else p.high for p in self.parameters])
+
+    def split(self, shape: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Shape numbers of the specular and of the diffuse lobe."""
+        n = len(self.specular.parameters)
+        return shape[:n], shape[n:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lit:
+    """What one light does at a set of surface points: cosines (...), irradiance (..., 3), Schlick's s (...)."""
+
+    cosines: Cosines
+    irradiance: Floats
+    schlick: Floats
+
+
+def lit_by(scene: Scene, x_px: Floats, y_px: Floats) -> tuple[Lit, ...]:
+    """The geometry of every light at pixel coordinates of any shape."""
+    seen = surface(scene.camera, scene.sphere, x_px, y_px)
+    result = []
+    for light in scene.lights:
+        towards, irradiance = light.at(seen.normal)
+        cosines = Cosines.of(
+            seen.normal, towards, seen.view, source_radius_rad=float(np.radians(light.angular_radius_deg))
+        )
+        result.append(
+            Lit(cosines=cosines, irradiance=irradiance, schlick=np.asarray((1.0 - cosines.l_dot_h) ** 5, float))
+        )
+    return tuple(result)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fresnel:
+    """How F enters the columns.
+
+    "none": the lobe has no F. "known": the irradiance is known, coefficient F0 with the column (1 - s) and the
+    offset s. "pair": unknown scale ks, coefficients ks F0 and ks. "strength": s is the same all over the highlight,
+    so only F(theta_d) = `reference` counts, times the unknown scale.
+    """
+
+    kind: str
+    reference_s: float  # Schlick's s at the mirror geometry of the brightest light
+
+
+def fresnel_of(model: Model, scene: Scene) -> Fresnel:
+    """How F can enter: by what the scene's lights and scale let a photograph tell."""
+    at_mirror = [mirror_schlick(scene, light) for light in scene.lights]
+    if not model.specular.fresnel:
+        return Fresnel(kind="none", reference_s=at_mirror[0])
+    if scene.scale == "absolute":
+        return Fresnel(kind="known", reference_s=at_mirror[0])
+    kind = "pair" if np.ptp(at_mirror) > IDENTIFYING_SPREAD else "strength"
+    return Fresnel(kind=kind, reference_s=at_mirror[0])
+
+
+def mirror_schlick(scene: Scene, light: object) -> float:
+    """Schlick's s where the normal halves light and view: at the centre of the highlight."""
+    normal = np.array([0.0, 0.0, 1.0])
+    view = view_of_centre(scene)
+    for _ in range(30):
+        towards, _ = light.at(normal[None])  # type: ignore[attr-defined]  # a toolkit.records.Light
+        normal = towards[0] + view
+        normal /= np.linalg.norm(normal)
+    return float((1.0 - towards[0] @ normal) ** 5)
+
+
+def view_of_centre(scene: Scene) -> Floats:
+    """Unit vector from the sphere's centre towards the camera."""
+    x, y = scene.sphere.centre_px
+    return np.asarray(surface(scene.camera, scene.sphere, np.array([x]), np.array([y])).view[0])
+
+
+def names_of(model: Model, fresnel: Fresnel) -> tuple[str, ...]:
+    """Names of a channel's linear coefficients, in the order of the columns."""
+    specular = {
+        "none": ("specular_albedo",),
+        "known": ("specular_f0",),
+        "pair": ("specular_scale_f0", "specular_scale"),
+        "strength": ("specular_strength",),
+    }[fresnel.kind]
+    return ("diffuse_albedo", *specular, "pedestal")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Columns:
+    """One channel's columns (n, k) on its cells, the part of the prediction with a known coefficient, derivatives."""
+
+    matrix: Floats
+    offset: Floats
+    d_matrix: tuple[Floats, ...] = ()  # one (n, k) per shape number, in the searched coordinate
+    d_offset: tuple[Floats, ...] = ()
+
+
+def columns(
+    model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats, *, derivatives: bool = False
+) -> tuple[Columns, Columns, Columns]:
+    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N)."""
+    shape = model.natural(u)
+    sharp, soft = model.split(shape)
+    scale = [s if p.log else 1.0 for p, s in zip(model.parameters, shape, strict=True)]
+    tables = [_mixed(lights, fresnel, [_Lobes(lit).value(model, sharp, soft) for lit in lights])]
+    if derivatives:
+        gradients = [_Lobes(lit).gradient(model, sharp, soft) for lit in lights]
+        for j, factor in enumerate(scale):
+            tables.append(_mixed(lights, fresnel, [(g[j][0] * factor, g[j][1] * factor) for g in gradients]))
+    result = []
+    for c, data in enumerate(cells.channels):
+        picked = [(np.stack([col[c][data.rows] for col in t[0]], axis=1), t[1][c][data.rows]) for t in tables]
+        ones = np.ones((len(data.rows), 1))
+        result.append(
+            Columns(
+                matrix=np.hstack([picked[0][0], ones]),
+                offset=picked[0][1],
+                d_matrix=tuple(np.hstack([m, 0.0 * ones]) for m, _ in picked[1:]),
+                d_offset=tuple(o for _, o in picked[1:]),
+            )
+        )
+    return result[0], result[1], result[2]
+
+
+@dataclass(frozen=True, slots=True)
+class _Lobes:
+    """The two lobes under one light: (diffuse, specular) and their derivatives."""
+
+    lit: Lit
+
+    def value(self, model: Model, sharp: tuple[float, ...], soft: tuple[float, ...]) -> tuple[Floats, Floats]:
+        cosines = self.lit.cosines
+        return model.diffuse.value(cosines, soft), model.specular.value(cosines, sharp, model.variant)
+
+    def gradient(self, model: Model, sharp: tuple[float, ...], soft: tuple[float, ...]) -> list[tuple[Floats, Floats]]:
+        cosines = self.lit.cosines
+        zero = np.zeros_like(cosines.n_dot_l)
+        specular = [(zero, g) for g in model.specular.derivative(cosines, sharp, model.variant)]
+        return specular + [(g, zero) for g in model.diffuse.derivative(cosines, soft)]
+
+
+def _mixed(
+    lights: tuple[Lit, ...], fresnel: Fresnel, lobes: list[tuple[Floats, Floats]]
+) -> tuple[list[list[Floats]], list[Floats]]:
+    """Per column and channel the mean over each cell's nodes, summed over the lights; and the known offset."""
+
+    def mean(weights: list[Floats]) -> list[Floats]:
+        return [
+            np.asarray(sum(np.mean(lit.irradiance[..., c] * w, axis=0) for lit, w in zip(lights, weights, strict=True)))
+            for c in range(3)
+        ]
+
+    s = [lit.schlick for lit in lights]
+    diffuse, specular = mean([d for d, _ in lobes]), [g for _, g in lobes]
+    nothing = [np.zeros_like(diffuse[0])] * 3
+    if fresnel.kind == "none":
+        return [diffuse, mean(specular)], nothing
+    if fresnel.kind == "strength":
+        reference = TYPICAL_F0 + (1 - TYPICAL_F0) * fresnel.reference_s
+        ratio = [(TYPICAL_F0 + (1 - TYPICAL_F0) * si) / reference for si in s]
+        return [diffuse, mean([g * r for g, r in zip(specular, ratio, strict=True)])], nothing
+    low, high = (mean([g * f for g, f in zip(specular, fs, strict=True)]) for fs in ([1 - si for si in s], s))
+    if fresnel.kind == "known":
+        return [diffuse, low], high
+    return [diffuse, low, high], nothing

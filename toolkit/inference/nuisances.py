@@ -1,0 +1,176 @@
+"""Calibration that is known only so well: where the light stands, where the sphere lies.
+
+Each shift is small, so around the optimum the radiance is linear in it: the shifts become columns with a Gaussian
+prior from how they were calibrated, are solved for with the colours, and the scene moves by what was found until it
+stands (Gauss-Newton). Their marginalisation is then in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from toolkit.records import Floats, Scene, Sphere
+
+from .cells import Cells
+from .fit import Optimum, Problem, fit, pose
+from .model import columns, lit_by
+
+DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
+NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
+RELATIVE_STEP = 0.05  # of the prior's sd, for the central differences
+ROUNDS = 4
+SETTLED_SD = 0.1  # posterior sds by which the scene may still move
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShiftedLight:
+    """Any light, turned by small angles about two axes and brought nearer; agrees with the kinds where they meet.
+
+    A light in direction d at distance 1 / nearness shines on point p along d - nearness p.
+    """
+
+    kind: str
+    direction: tuple[float, float, float]
+    nearness: float
+    irradiance: tuple[float, float, float] | None
+    angular_radius_deg: float
+
+    def at(self, points: Floats) -> tuple[Floats, Floats]:
+        """Directions and irradiance at surface points, as every light gives them."""
+        towards = np.asarray(self.direction) - self.nearness * np.asarray(points)
+        square = np.einsum("...i,...i->...", towards, towards)[..., None]
+        return towards / np.sqrt(square), np.asarray(self.irradiance or (1.0, 1.0, 1.0)) / square
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shifts:
+    """Names, units and prior sds of the shifts that a scene allows."""
+
+    names: tuple[str, ...]
+    sd: Floats
+
+
+def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
+    """Which shifts are free: two of each light, its nearness, two of the centre, the radius; less what is `fixed`.
+
+    `fixed` may hold "light", "distance", "centre", "radius", or "all".
+    """
+    covariance = np.asarray(scene.sphere.covariance_px2)
+    found: list[tuple[str, str, float]] = []
+    for i, light in enumerate(scene.lights):
+        stated = getattr(light, "direction_sd_deg", None)
+        tilt = float(np.radians(DIRECTION_SD_DEG if stated is None else stated))
+        found += [("light", f"light{i}.tilt_x_rad", tilt), ("light", f"light{i}.tilt_y_rad", tilt)]
+        found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
+    for j, (group, name) in enumerate(
+        (("centre", "sphere.centre_x_px"), ("centre", "sphere.centre_y_px"), ("radius", "sphere.radius_px"))
+    ):
+        found.append((group, name, float(np.sqrt(max(covariance[j, j], 0.0)))))
+    free = [(name, sd) for group, name, sd in found if group not in fixed and "all" not in fixed and sd > 0]
+    return Shifts(names=tuple(name for name, _ in free), sd=np.array([sd for _, sd in free]))
+
+
+def prior_precision(scene: Scene, shifts: Shifts) -> Floats:
+    """Inverse covariance of the shifts; the outline's correlations between centre and radius are kept."""
+    covariance = np.diag(shifts.sd**2)
+    sphere = {"sphere.centre_x_px": 0, "sphere.centre_y_px": 1, "sphere.radius_px": 2}
+    for i, a in enumerate(shifts.names):
+        for j, b in enumerate(shifts.names):
+            if a in sphere and b in sphere:
+                covariance[i, j] = scene.sphere.covariance_px2[sphere[a], sphere[b]]
+    return np.asarray(np.linalg.inv(covariance))
+
+
+def shifted(scene: Scene, shifts: Shifts, values: Floats) -> Scene:
+    """The scene with the shifts applied."""
+    by_name = dict(zip(shifts.names, values, strict=True))
+    lights = tuple(_shift_light(light, i, by_name) for i, light in enumerate(scene.lights))
+    sphere = scene.sphere
+    x, y = sphere.centre_px
+    moved = Sphere(
+        centre_px=(x + by_name.get("sphere.centre_x_px", 0.0), y + by_name.get("sphere.centre_y_px", 0.0)),
+        radius_px=sphere.radius_px + by_name.get("sphere.radius_px", 0.0),
+        covariance_px2=sphere.covariance_px2,
+        source=sphere.source,
+        given=sphere.given,
+    )
+    return replace(scene, lights=lights, sphere=moved)
+
+
+def _shift_light(light: object, index: int, by_name: dict[str, float]) -> object:
+    prefix = f"light{index}."
+    if not any(name.startswith(prefix) for name in by_name):
+        return light
+    direction: Floats = np.array(light.direction, np.float64)  # type: ignore[attr-defined]  # every kind has one
+    position = getattr(light, "position", None)
+    nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
+    across, along = tangents(direction)
+    turned = (
+        direction + by_name.get(prefix + "tilt_x_rad", 0.0) * across + by_name.get(prefix + "tilt_y_rad", 0.0) * along
+    )
+    turned /= np.linalg.norm(turned)
+    return ShiftedLight(
+        kind=light.kind,  # type: ignore[attr-defined]  # every kind has one
+        direction=(float(turned[0]), float(turned[1]), float(turned[2])),
+        nearness=nearness + by_name.get(prefix + "nearness_per_radius", 0.0),
+        irradiance=light.irradiance,  # type: ignore[attr-defined]  # every kind has one
+        angular_radius_deg=light.angular_radius_deg,  # type: ignore[attr-defined]  # every kind has one
+    )
+
+
+def tangents(direction: Floats) -> tuple[Floats, Floats]:
+    """Two unit vectors that span the plane across a direction."""
+    helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    across = np.cross(helper, direction)
+    across /= np.linalg.norm(across)
+    return across, np.cross(direction, across)
+
+
+def fit_with_shifts(
+    problem: Problem, shifts: Shifts, further: tuple[Floats, ...] | None = None, precision: Floats | None = None
+) -> tuple[Optimum, Floats]:
+    """The optimum with the shifts free; also the shifts at which the scene came to stand."""
+    optimum = fit(problem)
+    if not shifts.names:
+        return optimum, np.zeros(0)
+    prior = prior_precision(problem.scene, shifts)
+    total = np.zeros(len(shifts.names))
+    for _ in range(ROUNDS):
+        scene = shifted(problem.scene, shifts, total)
+        extras = sensitivity(optimum, problem.scene, shifts, total, problem.cells)
+        linear = pose(
+            problem.model,
+            scene,
+            problem.cells,
+            problem.noise,
+            extras=extras,
+            extras_precision=prior,
+            extras_centre=-total,
+        )
+        optimum = fit(linear, start=optimum.u)
+        moved = optimum.x[len(linear.layout.names) :]
+        total = total + moved
+        sd = 1.0 / np.sqrt(np.diag(optimum.joint)[len(linear.layout.names) : linear.layout.size])
+        if np.all(np.abs(moved) <= SETTLED_SD * sd):
+            break
+    return optimum, total
+
+
+def sensitivity(optimum: Optimum, scene: Scene, shifts: Shifts, total: Floats, cells: Cells) -> tuple[Floats, ...]:
+    """Per channel, the change of the predicted radiance with each shift (n, q), by central differences."""
+    problem = optimum.problem
+    found: list[list[Floats]] = [[], [], []]
+    for j in range(len(shifts.names)):
+        step = np.zeros(len(total))
+        step[j] = RELATIVE_STEP * shifts.sd[j]
+        sides = []
+        for sign in (1.0, -1.0):
+            lights = lit_by(shifted(scene, shifts, total + sign * step), *cells.nodes())
+            cols = columns(problem.model, problem.fresnel, lights, cells, optimum.u)
+            sides.append([c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, problem.layout.index, strict=True)])
+        for channel in range(3):
+            found[channel].append((sides[0][channel] - sides[1][channel]) / (2 * step[j]))
+    return tuple(np.stack(f, axis=1) for f in found)

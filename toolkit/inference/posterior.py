@@ -1,0 +1,130 @@
+"""Posterior draws: emcee walks in the shape alone, everything linear is drawn exactly given the shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.records import Diagnostics, Floats
+
+from .diagnostics import autocorrelation_time, split_r_hat
+from .fit import Optimum
+from .normal import inverse
+from .surrogate import Surrogate, surrogate_of
+
+WALKERS = 64
+CHAINS = 4  # groups of walkers, as the draws are stored
+LENGTHS = 50  # autocorrelation times that a chain must last
+MOST_STEPS = 20_000
+BLOCK = 250  # steps between two looks at the chain
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Draws:
+    """Joint posterior draws: shape coordinates (S, D) and linear unknowns (S, P), in order of their chains."""
+
+    u: Floats
+    x: Floats
+    diagnostics: Diagnostics
+    long_enough: bool
+    truncation: float  # share of the draws that the parameters' range left over
+
+
+def sample(
+    optimum: Optimum, *, seed: int, effective: int = 4000, draws: int = 4000, progress: Progress | None = None
+) -> Draws:
+    """Sample the posterior around an optimum until `effective` samples and 50 autocorrelation times are there.
+
+    The same seed gives the same draws. Where the linear unknowns have a range (an albedo of at least 0), draws outside
+    it are left out: exact, since shape and linear unknowns are drawn jointly.
+    """
+    surrogate = surrogate_of(optimum)
+    u: Floats
+    x: Floats
+    rng = np.random.default_rng(seed)
+    if len(optimum.u) == 0:
+        u, diagnostics, enough = np.zeros((4 * draws, 0)), _independent(draws, seed), True
+    else:
+        u, diagnostics, enough = _walk(optimum, surrogate, seed=seed, rng=rng, effective=effective, progress=progress)
+    u, x, kept = _draw_linear(optimum, surrogate, u, rng, draws)
+    return Draws(u=u, x=x, diagnostics=diagnostics, long_enough=enough, truncation=kept)
+
+
+def _independent(draws: int, seed: int) -> Diagnostics:
+    return Diagnostics(samples=draws, ess_min=draws, r_hat_max=1.0, tau_max=1.0, acceptance=1.0, seed=seed)
+
+
+def _walk(
+    optimum: Optimum,
+    surrogate: Surrogate,
+    *,
+    seed: int,
+    rng: np.random.Generator,
+    effective: int,
+    progress: Progress | None,
+) -> tuple[Floats, Diagnostics, bool]:
+    import emcee
+
+    dimensions = len(optimum.u)
+    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint))[-dimensions:], 1e-24))
+    inside = (surrogate.high - surrogate.low) * 0.01
+    begin = np.clip(
+        optimum.u + sd * rng.standard_normal((WALKERS, dimensions)), surrogate.low + inside, surrogate.high - inside
+    )
+    begin = begin + 1e-3 * inside * rng.standard_normal(begin.shape)
+    sampler = emcee.EnsembleSampler(
+        WALKERS,
+        dimensions,
+        surrogate.log_density,
+        vectorize=True,
+        moves=[(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)],
+    )
+    state = emcee.State(begin, random_state=np.random.RandomState(seed).get_state())
+    state = sampler.run_mcmc(state, BLOCK // 2)
+    sampler.reset()
+    tau, enough = np.inf, False
+    while not enough and sampler.iteration < MOST_STEPS:
+        state = sampler.run_mcmc(state, BLOCK)
+        tau = max(autocorrelation_time(sampler.get_chain()), 1.0)
+        wanted = max(LENGTHS * tau, effective * tau / WALKERS)
+        enough = sampler.iteration >= wanted
+        if progress is not None:
+            progress("posterior", min(sampler.iteration / wanted, 1.0))
+    chain = sampler.get_chain()
+    flat = chain.transpose(1, 0, 2).reshape(-1, dimensions)
+    diagnostics = Diagnostics(
+        samples=len(flat),
+        ess_min=len(flat) / tau,
+        r_hat_max=max(split_r_hat(chain[:, :, d].T) for d in range(dimensions)),
+        tau_max=tau,
+        acceptance=float(np.mean(sampler.acceptance_fraction)),
+        seed=seed,
+    )
+    return flat, diagnostics, enough
+
+
+def _draw_linear(
+    optimum: Optimum, surrogate: Surrogate, u: Floats, rng: np.random.Generator, draws: int
+) -> tuple[Floats, Floats, float]:
+    """Linear unknowns for shapes spread evenly over the chain; those outside their range are left out."""
+    prior = optimum.problem.prior
+    stretch = 1
+    while True:
+        wanted = min(draws * stretch, len(u))
+        picked = u[np.linspace(0, len(u) - 1, wanted).round().astype(int)]
+        mean, factor = surrogate.conditional(picked)
+        x = mean + np.einsum("sij,sj->si", factor, rng.standard_normal(mean.shape))
+        inside = np.all((x >= prior.low) & (x <= prior.high), axis=1)
+        if inside.sum() >= draws or wanted == len(u):
+            break
+        stretch *= 4
+    share = float(inside.mean())
+    if inside.sum() < draws // 8:  # the optimum rests on bounds: what lies beyond them is moved onto them
+        x, inside = np.clip(x, prior.low, prior.high), np.ones(len(x), bool)
+    keep = np.flatnonzero(inside)
+    keep = keep[np.linspace(0, len(keep) - 1, min(draws, len(keep) - len(keep) % CHAINS)).round().astype(int)]
+    return picked[keep], x[keep], share

@@ -1,0 +1,115 @@
+"""The collapsed posterior of the shape as a polynomial.
+
+Within a few sd of the mode the normal equations are very smooth functions of the shape. Solved exactly at a few
+Chebyshev nodes, they are interpolated everywhere between: the sampler then never touches the data again, whatever the
+lobes, lights and number of samples. The number of nodes grows until the interpolation is exact to `TOLERANCE`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+from toolkit.records import Floats
+
+from .fit import Optimum
+from .normal import inverse, solve
+
+REACH_SD = 8.0
+TOLERANCE = 0.003  # of the log density, wherever it is within DEPTH of its maximum
+DEPTH = 20.0
+NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (7, 11, 17), 3: (5, 7, 9)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surrogate:
+    """Log density of the shape, and mean and Cholesky factor of the linear unknowns given it."""
+
+    low: Floats  # (D,)
+    high: Floats  # (D,)
+    nodes: int
+    coefficients: Floats  # (nodes^D, 1 + P + P (P + 1) / 2)
+    unknowns: int
+    error: float  # largest error of the log density seen at places between the nodes
+
+    def log_density(self, u: Floats) -> Floats:
+        """Log density, up to a constant, at shapes (S, D); minus infinity outside the box."""
+        inside = np.all((u >= self.low) & (u <= self.high), axis=-1)
+        return np.where(inside, self._basis(u) @ self.coefficients[:, 0], -np.inf)
+
+    def conditional(self, u: Floats) -> tuple[Floats, Floats]:
+        """Means (S, P) of the linear unknowns and lower Cholesky factors (S, P, P) of their covariance."""
+        p = self.unknowns
+        table = self._basis(u) @ self.coefficients[:, 1:]
+        factor = np.zeros((len(u), p, p))
+        factor[:, *np.tril_indices(p)] = table[:, p:]
+        return table[:, :p], factor
+
+    def _basis(self, u: Floats) -> Floats:
+        return _basis(u, self.low, self.high, self.nodes)
+
+
+def _basis(u: Floats, low: Floats, high: Floats, nodes: int) -> Floats:
+    """Products of Chebyshev polynomials at shapes (S, D): (S, nodes^D)."""
+    result = np.ones((len(u), 1))
+    for d in range(len(low)):
+        scaled = np.clip(2 * (u[:, d] - low[d]) / (high[d] - low[d]) - 1, -1.0, 1.0)
+        result = (result[:, :, None] * chebvander(scaled, nodes - 1)[:, None, :]).reshape(len(u), -1)
+    return result
+
+
+def surrogate_of(optimum: Optimum) -> Surrogate:
+    """Interpolate around an optimum; wider than the bounds nowhere, and as fine as the density asks for."""
+    low, high = optimum.problem.model.bounds()
+    size = optimum.problem.layout.size
+    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint))[size:], 1e-24))
+    low, high = np.maximum(low, optimum.u - REACH_SD * sd), np.minimum(high, optimum.u + REACH_SD * sd)
+    tests = low + (high - low) * np.random.default_rng(0).uniform(0.2, 0.8, (6 if len(low) else 0, len(low)))
+    truth = np.array([_exact(optimum, u)[0] for u in tests])
+    found: Surrogate | None = None
+    for nodes in NODES[len(low)]:
+        found = _interpolate(optimum, low, high, nodes)
+        near = truth > truth.max(initial=-np.inf) - DEPTH
+        error = np.abs(found.log_density(tests) - truth)[near] if len(tests) else np.zeros(1)
+        found = Surrogate(
+            low=low, high=high, nodes=nodes, coefficients=found.coefficients, unknowns=size, error=float(error.max())
+        )
+        if found.error <= TOLERANCE:
+            break
+    if found is None:
+        raise ValueError("a surrogate needs at least one node")
+    return found
+
+
+def _interpolate(optimum: Optimum, low: Floats, high: Floats, nodes: int) -> Surrogate:
+    places = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
+    grid = np.array(list(product(places, repeat=len(low)))).reshape(-1, len(low))
+    u = low + (high - low) * (grid + 1) / 2
+    table = np.array([_exact_row(optimum, point) for point in u])
+    return Surrogate(
+        low=low,
+        high=high,
+        nodes=nodes,
+        coefficients=np.linalg.solve(_basis(u, low, high, nodes), table),
+        unknowns=optimum.problem.layout.size,
+        error=0.0,
+    )
+
+
+def _exact(optimum: Optimum, u: Floats) -> tuple[float, Floats, Floats]:
+    """Log density of a shape with the linear unknowns integrated out, their mean and precision matrix."""
+    problem = optimum.problem
+    normal = problem.assemble(problem.columns(u), optimum.weights)
+    mean = solve(normal.matrix, normal.rhs)
+    _, log_determinant = np.linalg.slogdet(normal.matrix)
+    chi2 = normal.squares - float(mean @ normal.rhs)
+    return -0.5 * (chi2 - optimum.chi2) - 0.5 * float(log_determinant), mean, normal.matrix
+
+
+def _exact_row(optimum: Optimum, u: Floats) -> Floats:
+    density, mean, precision = _exact(optimum, u)
+    factor = np.linalg.cholesky(inverse(precision))
+    return np.concatenate([[density], mean, factor[np.tril_indices(len(mean))]])
