@@ -1,0 +1,12 @@
+"""What a surface does with light. Adding a lobe: a file beside these, and its line below."""
+
+from . import beckmann as beckmann
+from . import blinn_phong as blinn_phong
+from . import ggx as ggx
+from . import lambert as lambert
+from . import phong as phong
+from . import torrance_sparrow as torrance_sparrow
+from .cosines import Cosines
+from .lobe import LOBES, Claim, Lobe, Parameter, register
+
+__all__ = ["LOBES", "Claim", "Cosines", "Lobe", "Parameter", "register"]

@@ -8,6 +8,8 @@ import numpy as np
 
 from toolkit.records import Floats
 
+Number = float | Floats  # a shape number: one, or an array that broadcasts against the cosines
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cosines:

@@ -57,7 +57,10 @@ class Lobe:
     sharp_angle: Literal["half", "mirror"] | None = None  # which angle carries structure as fine as the shape
     fresnel: bool = False  # the assembly multiplies by Fresnel's factor at theta_d
     variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # option -> choices, the default first
-    claims: frozenset[Claim] = frozenset()
+    claims: frozenset[Claim] = frozenset()  # true of every variant
+    variant_claims: Mapping[tuple[str, str], frozenset[Claim]] = field(
+        default_factory=dict
+    )  # more, by (option, choice)
 
     def value(self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None) -> Floats:
         """The lobe at `cosines` for one tuple of shape numbers."""
@@ -68,6 +71,11 @@ class Lobe:
     ) -> tuple[Floats, ...]:
         """The derivative of `value` in each shape number."""
         return self.gradient(cosines, *shape, **self.complete(variant))
+
+    def claims_of(self, variant: Mapping[str, str] | None = None) -> frozenset[Claim]:
+        """What the lobe says is true of it with these options."""
+        chosen = self.complete(variant).items()
+        return self.claims.union(*(self.variant_claims.get(item, frozenset()) for item in chosen))
 
     def complete(self, variant: Mapping[str, str] | None) -> dict[str, str]:
         """All options, with the defaults filled in; raises ValueError on one that does not exist."""

@@ -1,0 +1,97 @@
+"""D: how the normals of the facets spread about the surface's. Each integrates to 1: int D cos(theta_h) d omega_h = 1.
+
+Every density takes the cosines and its width, and has its derivative in that width beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .cosines import Cosines, Number
+
+_TINY = 1e-30  # keeps tan^2 finite where the half vector lies in the surface
+
+
+def theta2_h(cosines: Cosines) -> Floats:
+    """The squared angle between normal and half vector, rad^2, accurate near 0."""
+    return np.asarray(np.square(np.arcsin(np.sqrt(np.minimum(cosines.sin2_h, 1.0)))))
+
+
+def gaussian(cosines: Cosines, sigma: Number) -> Floats:
+    """Gaussian in the facet's angle, sd `sigma` in rad: c exp(-theta_h^2 / (2 sigma^2)), in sr^-1.
+
+    Torrance & Sparrow 1967; c makes the integral over the hemisphere 1.
+    """
+    return np.asarray(np.exp(theta2_h(cosines) * (-0.5 / np.square(sigma))) / _gaussian_integral(sigma)[0])
+
+
+def gaussian_derivative(cosines: Cosines, sigma: Number) -> tuple[Floats, Floats]:
+    """The Gaussian density, and its derivative in `sigma`."""
+    theta2 = theta2_h(cosines)
+    integral, slope = _gaussian_integral(sigma)
+    density = np.asarray(np.exp(theta2 * (-0.5 / np.square(sigma))) / integral)
+    return density, density * (theta2 / np.power(sigma, 3) - slope / integral)
+
+
+def _gaussian_integral(sigma: Number) -> tuple[Floats, Floats]:
+    """1/c = pi int_0^(pi/2) exp(-t^2 / (2 sigma^2)) sin(2t) dt, and its derivative in sigma.
+
+    Dawson's function gives the integral to infinity, Faddeeva's w what lies beyond pi/2; by parts, the derivative
+    of I = (1/c)/pi is I/sigma - 4 sigma I + 2 sigma (1 + exp(-pi^2 / (8 sigma^2))).
+    """
+    from scipy.special import dawsn, wofz
+
+    width = np.asarray(sigma, float)
+    x = np.sqrt(2.0) * width
+    edge = np.exp(-np.square(np.pi / (2.0 * x)))
+    beyond = 0.5 * np.sqrt(np.pi) * edge * np.imag(wofz(x + 0.5j * np.pi / x))
+    integral = x * (dawsn(x) + beyond)
+    slope = integral / width - 4.0 * width * integral + 2.0 * width * (1.0 + edge)
+    return np.pi * integral, np.pi * slope
+
+
+def beckmann(cosines: Cosines, alpha: Number) -> Floats:
+    """Gaussian in the facet's slope, slope sd alpha / sqrt(2): exp(-tan^2/alpha^2) / (pi alpha^2 cos^4), in sr^-1.
+
+    Beckmann & Spizzichino 1963, as in Walter et al. 2007, equation 25.
+    """
+    cos2, tan2 = _cos2_tan2(cosines)
+    a2 = np.square(alpha)
+    return np.asarray(np.exp(tan2 * (-1.0 / a2)) / (np.pi * a2 * np.square(cos2)))
+
+
+def beckmann_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
+    """Beckmann's density, and its derivative in `alpha`."""
+    density = beckmann(cosines, alpha)
+    _, tan2 = _cos2_tan2(cosines)
+    return density, density * (2.0 / np.asarray(alpha)) * (tan2 / np.square(alpha) - 1.0)
+
+
+def _cos2_tan2(cosines: Cosines) -> tuple[Floats, Floats]:
+    cos2 = np.maximum(np.square(cosines.n_dot_h), _TINY)
+    return cos2, cosines.sin2_h / cos2
+
+
+def ggx(cosines: Cosines, alpha: Number) -> Floats:
+    """Trowbridge and Reitz's long tail: alpha^2 / (pi (alpha^2 cos^2 + sin^2)^2), in sr^-1.
+
+    Walter et al. 2007, equation 33.
+    """
+    a2 = np.square(alpha)
+    return np.asarray((a2 / np.pi) / np.square(_stretched(cosines, a2)))
+
+
+def ggx_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
+    """GGX's density, and its derivative in `alpha`."""
+    a2 = np.square(alpha)
+    stretched = _stretched(cosines, a2)
+    density = np.asarray((a2 / np.pi) / np.square(stretched))
+    cos2 = 1.0 - cosines.sin2_h
+    return density, density * (2.0 / np.asarray(alpha) - 4.0 * alpha * cos2 / stretched)
+
+
+def _stretched(cosines: Cosines, a2: Number) -> Floats:
+    """alpha^2 cos^2(theta_h) + sin^2(theta_h)."""
+    return np.asarray(a2 + (1.0 - np.asarray(a2)) * cosines.sin2_h)

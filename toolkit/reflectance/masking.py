@@ -1,0 +1,104 @@
+"""G: the share of facets seen by both the light and the camera.
+
+`v-groove` is Torrance and Sparrow's; it needs no width, and conserves energy with any D. Smith's needs a D whose
+slopes have a known one-sided G1: `smith` multiplies light's and view's G1, `smith-correlated` knows that a high
+facet is seen by both (Heitz 2014, equation 99).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .cosines import Cosines, Number
+
+_TINY = 1e-30
+
+
+def v_groove(cosines: Cosines) -> Floats:
+    """G of long symmetric grooves: min(1, 2 (n.h)(n.v)/(v.h), 2 (n.h)(n.l)/(v.h)).
+
+    Torrance & Sparrow 1967; Blinn 1977.
+    """
+    facing = 2.0 * cosines.n_dot_h / np.maximum(cosines.l_dot_h, _TINY)
+    return np.asarray(np.minimum(facing * np.minimum(cosines.n_dot_l, cosines.n_dot_v), 1.0))
+
+
+def beckmann_one_sided(cosine: Floats, alpha: Number) -> Floats:
+    """Walter's rational G1 of Beckmann's D (2007, equation 27).
+
+    Up to 6e-3 from Smith's exact G1; it steps by 6e-5 where it reaches 1.
+    """
+    a = _cotangent(cosine) / alpha
+    return np.where(a < 1.6, a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a)), 1.0)
+
+
+def beckmann_one_sided_derivative(cosine: Floats, alpha: Number) -> Floats:
+    """The derivative of Walter's rational G1 in `alpha`."""
+    a = _cotangent(cosine) / alpha
+    above, below = a * (3.535 + 2.181 * a), 1.0 + a * (2.276 + 2.577 * a)
+    slope = ((3.535 + 4.362 * a) * below - above * (2.276 + 5.154 * a)) / np.square(below)
+    return np.where(a < 1.6, slope * (-a / alpha), 0.0)
+
+
+def _cotangent(cosine: Floats) -> Floats:
+    return np.asarray(cosine / np.sqrt(np.maximum(1.0 - np.square(cosine), _TINY)))
+
+
+def ggx_one_sided(cosine: Floats, alpha: Number) -> Floats:
+    """Smith's exact G1 of GGX (Walter et al. 2007, equation 34)."""
+    return np.asarray(2.0 * cosine / np.maximum(cosine + _ggx_root(cosine, alpha), _TINY))
+
+
+def ggx_one_sided_derivative(cosine: Floats, alpha: Number) -> Floats:
+    """The derivative of GGX's G1 in `alpha`."""
+    root = np.maximum(_ggx_root(cosine, alpha), _TINY)
+    return np.asarray(-2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(cosine + root) * root))
+
+
+def _ggx_root(cosine: Floats, alpha: Number) -> Floats:
+    a2 = np.square(alpha)
+    return np.asarray(np.sqrt(a2 + (1.0 - np.asarray(a2)) * np.square(cosine)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneSided:
+    """Smith's G1 of one D, with its derivative in the width."""
+
+    value: Callable[[Floats, Number], Floats]
+    derivative: Callable[[Floats, Number], Floats]
+
+
+BECKMANN = OneSided(value=beckmann_one_sided, derivative=beckmann_one_sided_derivative)
+GGX = OneSided(value=ggx_one_sided, derivative=ggx_one_sided_derivative)
+
+
+def masking(cosines: Cosines, choice: str, smith: OneSided, alpha: Number) -> Floats:
+    """G for `choice`, one of "v-groove", "smith", "smith-correlated"."""
+    if choice == "v-groove":
+        return v_groove(cosines)
+    light, view = smith.value(cosines.n_dot_l, alpha), smith.value(cosines.n_dot_v, alpha)
+    if choice == "smith":
+        return light * view
+    return light * view / _either(light, view)
+
+
+def masking_derivative(cosines: Cosines, choice: str, smith: OneSided, alpha: Number) -> tuple[Floats, Floats]:
+    """G for `choice`, and its derivative in `alpha`."""
+    if choice == "v-groove":
+        return v_groove(cosines), np.zeros(())
+    light, view = smith.value(cosines.n_dot_l, alpha), smith.value(cosines.n_dot_v, alpha)
+    d_light, d_view = smith.derivative(cosines.n_dot_l, alpha), smith.derivative(cosines.n_dot_v, alpha)
+    if choice == "smith":
+        return light * view, d_light * view + light * d_view
+    either = _either(light, view)
+    return light * view / either, np.square(view / either) * d_light + np.square(light / either) * d_view
+
+
+def _either(light: Floats, view: Floats) -> Floats:
+    """The denominator of 1 / (1/light + 1/view - 1)."""
+    return np.asarray(np.maximum(light + view - light * view, _TINY))

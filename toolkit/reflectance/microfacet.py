@@ -1,0 +1,19 @@
+"""From D and G to a lobe: facets that are small mirrors give G D / (4 n.v), the cosine n.l included, F left out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .cosines import Cosines
+
+MASKING = "smith", "smith-correlated", "v-groove"
+
+
+def microfacet(cosines: Cosines, seen_density: Floats) -> Floats:
+    """G D / (4 n.v) from `seen_density` = G D, in sr^-1 (Torrance & Sparrow 1967; Walter et al. 2007, equation 20).
+
+    0 where n.l or n.v is 0, since G is.
+    """
+    return np.asarray(seen_density / (4.0 * np.maximum(cosines.n_dot_v, 1e-300)))
