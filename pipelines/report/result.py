@@ -1,0 +1,208 @@
+"""The result object of STEM.json and of `--json`: one schema, finite numbers, the same bytes for the same run."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolkit.records import ColourLayers, Estimate, Fit, LinearImage, MaterialReport, Scene
+
+from .text import base_name, clean
+
+if TYPE_CHECKING:
+    from pipelines.settings import Settings
+    from toolkit.geometry.lights import AnyLight
+
+DIGITS = 10  # significant ones: far more than any posterior fixes, and the same on every machine's last bits
+SOFTWARE = ("numpy", "scipy", "emcee", "rawpy", "opencv-contrib-python-headless", "scikit-image", "colour-science")
+_NUMBERS = re.compile(r"\[\n[-+.\w\s,]*(\[\n[-+.\w\s,]*\][\s,]*)*\]")  # lists of numbers; no string holds a raw newline
+
+
+def result_object(report: MaterialReport, settings: Settings | None = None) -> dict[str, Any]:
+    """The result as plain dicts, lists, strings and finite numbers; None where something is not available.
+
+    Colours are lists with one number a channel (red, green, blue of the camera); positions are in pixels.
+    `sphere` and each light's own fields say what the fits started from; a light's `fitted` is the best fit's,
+    the sphere's `given` what the user's settings say of it.
+    """
+    best = report.fits[report.best] if report.fits else None
+    made = {
+        **_frame(base_name(report.image.name)),
+        "status": "ok",
+        "flags": [clean(flag) for flag in report.flags],
+        "image": _image(report.image),
+        "camera": _camera(report.scene),
+        "noise": {
+            "gain": report.image.noise.gain,
+            "read": report.image.noise.read,
+            "source": report.image.noise.source,
+        },
+        "scale": report.scene.scale,
+        "sphere": _sphere(report.scene, settings),
+        "lights": _lights(report.scene, best),
+        "separation": _separation(report.separation) if report.separation else None,
+        "fits": [_fit(fit) for fit in report.fits],
+        "best": report.best if best else None,
+        "preferred": report.preferred,
+        "elpd_difference": _difference(report.elpd_difference),
+    }
+    return {key: finite(value) for key, value in made.items()}
+
+
+def failure_object(name: str, error: BaseException | str) -> dict[str, Any]:
+    """The same object for an image that gave no result: all keys, and `error` in one line."""
+    return {**_frame(base_name(name)), "status": "failed", "error": clean(error) or type(error).__name__}
+
+
+def result_text(result: Mapping[str, Any], *, indent: int | None = 1) -> str:
+    """The object as JSON, keys in their documented order, a newline at the end; `indent` None: all on one line."""
+    text = json.dumps(result, indent=indent, ensure_ascii=False, allow_nan=False)
+    return _NUMBERS.sub(lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text) + "\n"
+
+
+def software() -> dict[str, str | None]:
+    """Versions of what the numbers come from."""
+    import importlib.metadata
+    import platform
+
+    import toolkit
+
+    def version(name: str) -> str | None:
+        try:
+            return importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            return None
+
+    return {
+        "fit-material": toolkit.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in SOFTWARE},
+    }
+
+
+def finite(value: object) -> object:
+    """Plain JSON values: arrays become lists, numbers are rounded to ten digits, NaN and infinity become None."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+    return value if value is None else str(value)
+
+
+def _frame(name: str) -> dict[str, Any]:
+    return {
+        "schema": MaterialReport.schema,
+        "status": "",
+        "error": None,
+        "flags": [],
+        "image": {**dict.fromkeys(("name", "sha256", "width_px", "height_px", "camera", "colour_space")), "name": name},
+        **dict.fromkeys(("camera", "noise", "scale", "sphere")),
+        "lights": [],
+        "separation": None,
+        "fits": [],
+        **dict.fromkeys(("best", "preferred", "elpd_difference")),
+        "software": software(),
+    }
+
+
+def _image(image: LinearImage) -> dict[str, Any]:
+    return {
+        "name": base_name(image.name),
+        "sha256": image.sha256,
+        "width_px": image.width_px,
+        "height_px": image.height_px,
+        "camera": clean(f"{image.metadata.make} {image.metadata.model}".strip()),
+        "colour_space": "camera",
+    }
+
+
+def _camera(scene: Scene) -> dict[str, Any]:
+    camera = scene.camera
+    return {
+        "projection": camera.projection,
+        "focal_length_px": camera.focal_length_px,
+        "principal_point_px": camera.principal_point_px,
+    }
+
+
+def _sphere(scene: Scene, settings: Settings | None) -> dict[str, Any]:
+    sphere = scene.sphere
+    told = settings.sphere.model_dump() if settings and settings.sphere else None
+    return {
+        "centre_px": sphere.centre_px,
+        "radius_px": sphere.radius_px,
+        "source": sphere.source,
+        "given": sphere.given or told,
+        "sd": np.sqrt(np.diag(sphere.covariance_px2)),
+    }
+
+
+def _lights(scene: Scene, best: Fit | None) -> list[dict[str, Any]]:
+    fitted = best.scene.lights if best else (None,) * len(scene.lights)
+    return [
+        {**_fields(light), "source": scene.light_source, "fitted": _fitted(moved)}
+        for light, moved in zip(scene.lights, fitted, strict=True)
+    ]
+
+
+def _fields(light: AnyLight) -> dict[str, Any]:
+    """The light's own registered fields, its direction always among them."""
+    own = light.model_dump()
+    return {"kind": own.pop("kind"), "direction": light.direction, **own}
+
+
+def _fitted(light: AnyLight | None) -> dict[str, Any] | None:
+    if light is None:
+        return None
+    place = {"position": light.position} if light.kind == "point" else {}
+    return {"direction": light.direction, **place, "sd_deg": light.direction_sd_deg}
+
+
+def _separation(layers: ColourLayers) -> dict[str, Any]:
+    return {
+        "method": layers.method,
+        "body_colour": layers.body_colour,
+        "light_colour": layers.light_colour,
+        "angle_deg": layers.angle_deg,
+        "flags": [clean(flag) for flag in layers.flags],
+    }
+
+
+def _fit(fit: Fit) -> dict[str, Any]:
+    return {
+        "model": fit.model,
+        "variant": fit.variant,
+        "diffuse": fit.diffuse,
+        "status": clean(fit.status),
+        "flags": [clean(flag) for flag in fit.flags],
+        "chi2_reduced": fit.chi2_reduced,
+        "elpd": fit.elpd,
+        "parameters": {parameter.name: _parameter(parameter) for parameter in fit.parameters},
+        "posterior": _posterior(fit),
+    }
+
+
+def _parameter(parameter: Estimate) -> dict[str, Any]:
+    shown = ("estimate", "mode", "sd", "sd_statistical", "interval_68", "interval_90", "unit", "posterior_to_prior")
+    return {name: getattr(parameter, name) for name in shown}
+
+
+def _posterior(fit: Fit) -> dict[str, Any]:
+    shown = ("samples", "ess_min", "r_hat_max", "tau_max", "acceptance", "seed")
+    return {name: getattr(fit.diagnostics, name, None) for name in shown}
+
+
+def _difference(difference: tuple[float, float] | None) -> dict[str, Any]:
+    value, sd = difference or (None, None)
+    return {"value": value, "sd": sd}
