@@ -184,7 +184,9 @@ class ColourLayers:
     diffuse: Floats
     specular: Floats
     covariance: Floats
-    residual: Floats  # (h, w), distance from the plane of the two colours, radiance
+    residual: Floats  # (h, w), signed distance from the plane of the two colours, radiance
+    corner: Floats  # (3,) radiance where the highlight leaves the matte line; NaN where no highlight is seen
+    highlight_colour: Floats  # (3,) unit direction of the highlight's cluster as seen; NaN where none is
     origin_px: tuple[float, float]
     step_px: int
     flags: tuple[str, ...] = ()

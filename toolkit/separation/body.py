@@ -1,0 +1,100 @@
+"""The body colour in illuminant-orthogonal coordinates: first the plane, then the matte line within it.
+
+Across the light's colour no highlight is seen: there the cluster is a line through the origin whatever the
+highlight does (Mallick et al. 2005, "Beyond Lambert", use the same coordinates), and its direction is found from
+every block. Along the light's colour the matte line is the lower edge (`matte.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.records import Floats, readonly
+
+from .matte import lower_edge
+from .samples import Blocks
+
+TUKEY = 4.685  # biweight: 95 % efficient on Gaussian noise
+FAINTEST = 0.15  # of the brightest blocks: fainter ones say nothing of the edge
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Body:
+    """`colour` (3,) unit norm with covariance (3, 3); `misfit` is the rms distance of the blocks from the plane
+    of body and light over what the noise allows; `off_plane` the same distance in radiance.
+    `seen` is False where no colour other than the light's stands out from the noise: `colour` is then the light's.
+    """
+
+    colour: Floats
+    covariance: Floats
+    misfit: float
+    off_plane: float
+    matte_share: float
+    seen: bool
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+def body_colour(cloud: Blocks, light: Floats) -> Body:
+    """Fit the body colour of a one-coloured object under a light of unit colour `light` (3,)."""
+    across = _basis(light)
+    q = cloud.colour @ across.T
+    noise = np.einsum("ic,nc,jc->nij", across, cloud.variance, across)
+    scatter = (q.T @ q - noise.sum(axis=0)) / len(q)
+    values, axes = np.linalg.eigh(scatter)
+    typical = float(np.trace(noise.mean(axis=0)) / 2)
+    if values[1] < typical * 6 * math.sqrt(2 / len(q)):
+        return Body(
+            colour=light, covariance=np.eye(3), misfit=1.0, off_plane=math.sqrt(typical), matte_share=0.0, seen=False
+        )
+    towards = axes[:, 1] * np.sign(axes[:, 1] @ q.sum(axis=0) or 1.0)
+    towards, turn_variance, scale, off = _refine(q, noise, towards)
+    u = towards @ across
+    return _along(cloud, light, u, turn_variance, scale, off)
+
+
+def _basis(light: Floats) -> Floats:
+    """Two unit vectors (2, 3) across the light's colour."""
+    first = np.cross(light, np.eye(3)[int(np.argmin(np.abs(light)))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(light, first)])
+
+
+def _refine(q: Floats, noise: Floats, towards: Floats) -> tuple[Floats, float, float, float]:
+    """Robust total least squares for the direction (2,): with its variance, the misfit's scale and its rms."""
+    for _ in range(4):
+        side = np.array([-towards[1], towards[0]])
+        off, m = q @ side, q @ towards
+        variance = np.einsum("i,nij,j->n", side, noise, side)
+        shared = np.einsum("i,nij,j->n", side, noise, towards)
+        z = off / np.sqrt(variance)
+        scale = max(1.4826 * float(np.median(np.abs(z))), 1e-6)
+        robust = np.maximum(1 - (z / (TUKEY * max(scale, 1.0))) ** 2, 0.0) ** 2
+        weight = robust / variance
+        information = float(weight @ np.maximum(m * m - np.einsum("i,nij,j->n", towards, noise, towards), 0.0))
+        turn = float(weight @ (off * m - shared)) / max(information, 1e-300)
+        towards = towards + np.clip(turn, -0.3, 0.3) * side
+        towards = towards / np.linalg.norm(towards)
+    rms = float(np.sqrt(np.mean(off**2)))
+    return towards, max(scale, 1.0) ** 2 / max(information, 1e-300), scale, rms
+
+
+def _along(cloud: Blocks, light: Floats, u: Floats, turn_variance: float, scale: float, off: float) -> Body:
+    """The matte line within the plane, and both errors as a covariance of the unit colour."""
+    t, m = cloud.colour @ light, cloud.colour @ u
+    use = m > FAINTEST * float(np.quantile(m, 0.98))
+    variance = cloud.variance[use] * scale**2 + 1e-18 * float(np.abs(t).max()) ** 2
+    edge = lower_edge(t[use], m[use], variance @ light**2, variance @ u**2, variance @ (light * u))
+    colour = u + edge.slope * light
+    length = float(np.linalg.norm(colour))
+    colour = colour / length
+    side = np.cross(light, u)
+    tilt = (light - (light @ colour) * colour) / length  # how the unit colour moves with the slope
+    covariance = turn_variance / length**2 * np.outer(side, side) + edge.sd**2 * np.outer(tilt, tilt)
+    return Body(
+        colour=colour, covariance=covariance, misfit=scale, off_plane=off, matte_share=edge.matte_share, seen=True
+    )

@@ -1,0 +1,124 @@
+"""Separation by colour alone, after Klinker, Shafer & Kanade (1990), "A physical approach to color image understanding".
+
+One object of one hue under one light: its colours lie in a plane, in a skewed T. The plane and the matte line give
+the body colour, the light's colour is given or estimated, every pixel is projected on the two with its noise. What
+the angle between the two colours allows is all that colour can tell; where it is too small, a flag says so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.errors import BadInputError
+from toolkit.flags import Flag
+from toolkit.records import ColourLayers, Floats, Noise
+
+from .body import Body, body_colour
+from .cluster import Cluster, classify
+from .highlight import HighlightLine, highlight_line
+from .projection import Coefficients, picture_of, project
+from .samples import Mask, Samples, block_size, blocks, samples
+
+SMALLEST_ANGLE_DEG = 3.0  # below it, 1 % noise leaves 60 % error in the specular layer
+WORST_SPECULAR = 0.5  # relative rms error of the specular layer that noise alone would leave
+WORST_MISFIT = 3.0  # of the blocks' distance from the plane, over the noise, where it also is ...
+WORST_OFF_PLANE = 0.02  # ... this part of the brightness: a second hue, or a picture that is not linear
+
+
+def separate(
+    picture: Floats,
+    *,
+    variance: Floats | Noise,
+    usable: Mask | None = None,
+    bloom: Mask | None = None,
+    on_sphere: Mask | None = None,
+    light_colour: Floats,
+    light_covariance: Floats | None = None,
+    light_source: str = "given",
+    origin_px: tuple[float, float] = (0.0, 0.0),
+    step_px: int = 1,
+) -> ColourLayers:
+    """Diffuse and specular layers (h, w, 3) of a linear `picture` (h, w, 3) of one object of one hue.
+
+    `variance` of its samples: (h, w, 3), (3,), or a Noise; `usable` (h, w, 3) False where a channel is clipped;
+    `bloom` (h, w) True beside clipped pixels; `on_sphere` (h, w). `light_colour` (3,) of any length, its covariance
+    (3, 3) at unit length. Pixels with two usable channels are separated by those two; with fewer they are NaN.
+    Raises BadInputError for wrong shapes, no light, or too few pixels with all channels usable.
+    """
+    light = _unit_colour(light_colour)
+    of_light = np.zeros((3, 3)) if light_covariance is None else np.asarray(light_covariance, float)
+    ready = samples(picture, variance=variance, usable=usable, bloom=bloom, on_sphere=on_sphere)
+    cloud = blocks(ready, block_size(ready))
+    cluster = classify(cloud)
+    body = body_colour(cloud, light)
+    line = highlight_line(cloud, body.colour, light) if body.seen else None
+    found = project(ready, body.colour, light, body_covariance=body.covariance, light_covariance=of_light)
+    angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
+    return ColourLayers(
+        method="dichromatic",
+        body_colour=body.colour,
+        light_colour=light,
+        body_covariance=body.covariance,
+        light_covariance=of_light,
+        light_source=light_source,
+        angle_deg=angle,
+        angle_sd_deg=angle_sd,
+        cluster=cluster.kind,
+        diffuse=picture_of(found.body[:, None] * body.colour, ready.on_sphere),
+        specular=picture_of(found.light[:, None] * light, ready.on_sphere),
+        covariance=picture_of(found.covariance, ready.on_sphere),
+        residual=picture_of(found.residual, ready.on_sphere),
+        corner=line.corner if line else np.full(3, np.nan),
+        highlight_colour=line.direction if line else np.full(3, np.nan),
+        origin_px=origin_px,
+        step_px=step_px,
+        flags=_flags(ready, cluster, body, line, found, angle, angle_sd),
+    )
+
+
+def _unit_colour(colour: Floats) -> Floats:
+    colour = np.asarray(colour, float)
+    if colour.shape != (3,) or not np.all(np.isfinite(colour)) or np.any(colour < 0) or not np.any(colour > 0):
+        raise BadInputError(f"light colour is {colour.tolist()}; expected three numbers, none negative, not all 0")
+    return np.asarray(colour / np.linalg.norm(colour))
+
+
+def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Floats) -> tuple[float, float]:
+    """Angle of two unit colours (3,) with covariances (3, 3), and its sd, degrees."""
+    cross, dot = float(np.linalg.norm(np.cross(first, second))), float(first @ second)
+    angle = float(np.arctan2(cross, dot))
+    if cross < 1e-12:
+        return 0.0, float(np.degrees(np.sqrt(np.trace(of_first) + np.trace(of_second))))
+    along = (second - dot * first) / cross, (first - dot * second) / cross
+    variance = along[0] @ of_first @ along[0] + along[1] @ of_second @ along[1]
+    return float(np.degrees(angle)), float(np.degrees(np.sqrt(variance)))
+
+
+def _flags(
+    ready: Samples,
+    cluster: Cluster,
+    body: Body,
+    line: HighlightLine | None,
+    found: Coefficients,
+    angle: float,
+    angle_sd: float,
+) -> tuple[str, ...]:
+    flags = []
+    if not body.seen or angle < max(SMALLEST_ANGLE_DEG, 3 * angle_sd) or _specular_error(found) > WORST_SPECULAR:
+        flags.append(Flag.COLOUR_CANNOT_SEPARATE)
+    if line is None and body.seen:
+        flags.append(Flag.NO_SPECULAR)
+    bright = float(np.sqrt(np.mean(ready.values[ready.weight > 0] ** 2)))
+    if cluster.kind == "volume" or (body.misfit > WORST_MISFIT and body.off_plane > WORST_OFF_PLANE * bright):
+        flags.append(Flag.POOR_FIT)
+    clipped = ~ready.usable[ready.on_sphere]
+    if clipped.any(axis=1).mean() > 0.01:
+        flags.append(Flag.CLIPPED)
+    return tuple(flags)
+
+
+def _specular_error(found: Coefficients) -> float:
+    """Relative rms error of the specular layer that its own covariance predicts."""
+    variance = float(np.nanmean(found.covariance[:, 2]))
+    power = float(np.nanmean(found.light**2)) - variance
+    return float(np.sqrt(variance / power)) if power > 0 else np.inf

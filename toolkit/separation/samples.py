@@ -1,0 +1,174 @@
+"""What separation starts from: a picture with its noise, and the means of its blocks, where the noise is small."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolkit.errors import BadInputError
+from toolkit.records import Floats, Noise, readonly
+
+Mask = NDArray[np.bool_]
+BLOOM_WEIGHT = 1 / 9  # a pixel beside a clipped one counts as one of three times the noise
+FEWEST = 64  # pixels with all channels usable, below which no cluster is seen
+MOST_BLOCKS = 3000  # more cost time and tell no more
+FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
+WANTED_NOISE = 1e-3  # of the brightest block: what the matte line's one-sided fit asks for
+ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Samples:
+    """A picture ready to be separated. Unusable samples are 0 in `values`, and False in `usable`."""
+
+    values: Floats  # (h, w, 3)
+    variance: Floats  # (h, w, 3) or (3,)
+    usable: Mask  # (h, w, 3)
+    weight: Floats  # (h, w): 1, less beside clipped pixels, 0 where a channel is missing or off the sphere
+    on_sphere: Mask  # (h, w)
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blocks:
+    """Means of square blocks: still mixtures of the same two colours, with less noise."""
+
+    colour: Floats  # (n, 3)
+    variance: Floats  # (n, 3)
+    x: Floats  # (n,) centre of the block's own pixels, in pixels of the picture
+    y: Floats
+    weight: Floats  # (n,) how many pixels' worth
+    size: int  # pixels along a side
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+def samples(
+    picture: Floats,
+    *,
+    variance: Floats | Noise,
+    usable: Mask | None = None,
+    bloom: Mask | None = None,
+    on_sphere: Mask | None = None,
+) -> Samples:
+    """Check what came in and bring it into one form.
+
+    `picture` (h, w, 3) linear radiance; `variance` (h, w, 3), (3,), or a Noise whose variance is taken at the local
+    mean; `usable` (h, w, 3), False where clipped; `bloom` and `on_sphere` (h, w).
+    Raises BadInputError for other shapes, no signal, or too few pixels with every channel usable.
+    """
+    picture = np.asarray(picture)
+    if picture.ndim != 3 or picture.shape[2] != 3:
+        raise BadInputError(f"picture has shape {picture.shape}; separation by colour needs (h, w, 3): a colour image")
+    shape = picture.shape
+    on = _mask("on_sphere", on_sphere, shape[:2])
+    good = _mask("usable", usable, shape) & np.isfinite(picture) & on[..., None]
+    values = np.where(good, picture, 0.0).astype(float, copy=False)
+    weight = good.all(axis=2).astype(float)
+    if bloom is not None:
+        weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
+    _refuse_empty(values, weight, good)
+    return Samples(values=values, variance=_variance(variance, values, good), usable=good, weight=weight, on_sphere=on)
+
+
+def _mask(name: str, mask: Mask | None, shape: tuple[int, ...]) -> Mask:
+    if mask is None:
+        return np.ones(shape, bool)
+    mask = np.asarray(mask)
+    if mask.shape != shape:
+        raise BadInputError(f"{name} has shape {mask.shape}; expected {shape}, as the picture")
+    return mask.astype(bool)
+
+
+def _refuse_empty(values: Floats, weight: Floats, good: Mask) -> None:
+    full = int(np.count_nonzero(weight))
+    if full < FEWEST:
+        raise BadInputError(
+            f"{full} pixels have all three channels usable, {int(good.any(axis=2).sum())} any; separation by colour "
+            f"needs {FEWEST}: expose less, or check the mask"
+        )
+    if not np.any(values > 0):
+        raise BadInputError("the picture holds no light at all; expected a lit sphere: check exposure and mask")
+
+
+def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
+    if isinstance(variance, Noise):
+        mean = local_mean(values, good)
+        found = np.stack([variance.variance(mean[..., c], c) for c in range(3)], axis=-1)
+    else:
+        found = np.asarray(variance, float)
+        if found.shape not in ((3,), values.shape):
+            raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
+        if not np.all(np.isfinite(found) & (found >= 0)):
+            raise BadInputError(
+                "variance holds negative or non-finite numbers; expected the square of each sample's sd"
+            )
+    return found + (ROUNDING * float(np.abs(values).max())) ** 2
+
+
+def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
+    """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
+    count = _box(good.astype(float), radius)
+    return _box(values, radius) / np.maximum(count, 1.0)
+
+
+def _box(values: Floats, radius: int) -> Floats:
+    """Sums over squares of 2 radius + 1 pixels, the outside counted as 0."""
+    for axis in (0, 1):
+        pad = [(0, 0)] * values.ndim
+        pad[axis] = (radius + 1, radius)
+        total = np.cumsum(np.pad(values, pad), axis=axis)
+        size = values.shape[axis]
+        upper = np.take(total, np.arange(2 * radius + 1, 2 * radius + 1 + size), axis=axis)
+        values = upper - np.take(total, np.arange(size), axis=axis)
+    return values
+
+
+def block_size(picture: Samples) -> int:
+    """As small as `MOST_BLOCKS` allows and as large as the noise asks, but never so large as to hide the highlight."""
+    full = picture.weight > 0
+    lit = picture.values[full]
+    count = len(lit)
+    bright = float(np.quantile(lit.max(axis=1)[:: max(count // 4096, 1)], 0.98))
+    variance = picture.variance if picture.variance.ndim == 1 else picture.variance[full].mean(axis=0)
+    noise = float(np.sqrt(variance.mean()))
+    for_time = np.ceil(np.sqrt(count / MOST_BLOCKS))
+    for_noise = np.ceil(noise / max(WANTED_NOISE * bright, 1e-300))
+    return int(max(for_time, min(for_noise, np.sqrt(count) / FEWEST_ACROSS), 1))
+
+
+def blocks(picture: Samples, size: int) -> Blocks:
+    """Weighted means of squares of `size` pixels that hold at least a quarter of their pixels."""
+    weight = picture.weight
+    h, w = weight.shape
+    y, x = np.arange(h, dtype=float)[:, None], np.arange(w, dtype=float)
+    layers = [weight, weight * x, weight * y, weight * weight]
+    layers += [weight * picture.values[..., c] for c in range(3)]
+    if picture.variance.ndim == 3:
+        layers += [weight * weight * picture.variance[..., c] for c in range(3)]
+    sums = _block_sums(np.stack(layers), size)
+    sums = sums[:, sums[0] >= 0.25 * size * size]
+    total = sums[0]
+    variance = sums[7:].T if picture.variance.ndim == 3 else sums[3][:, None] * picture.variance
+    return Blocks(
+        colour=sums[4:7].T / total[:, None],
+        variance=variance / total[:, None] ** 2,
+        x=sums[1] / total,
+        y=sums[2] / total,
+        weight=total,
+        size=size,
+    )
+
+
+def _block_sums(layers: Floats, size: int) -> Floats:
+    """Sums (k, n) over squares of layers (k, h, w), the edges filled up with nothing."""
+    k, h, w = layers.shape
+    if size > 1:
+        layers = np.add.reduceat(layers, np.arange(0, w, size), axis=2)
+        layers = np.add.reduceat(layers, np.arange(0, h, size), axis=1)
+    return layers.reshape(k, -1)
