@@ -101,12 +101,14 @@ def test_exifread_reads_the_exposure(tmp_path: Path) -> None:
     """The EXIF directory is a real one: exposure, aperture, ISO, focal length and lens."""
     import exifread
 
-    write(tmp_path / "a.dng", mosaic())
+    write(tmp_path / "a.dng", mosaic(), focal_plane_px_per_mm=166.7)
     with (tmp_path / "a.dng").open("rb") as file:
         tags = exifread.process_file(file, details=False)
     number = {name: float(tags[f"EXIF {name}"].values[0]) for name in ("ExposureTime", "FNumber", "FocalLength")}
     assert number == pytest.approx({"ExposureTime": 1 / 60, "FNumber": 5.6, "FocalLength": 85.0}, abs=1e-6)
     assert tags["EXIF ISOSpeedRatings"].values == [200]
+    assert float(tags["EXIF FocalPlaneXResolution"].values[0]) == pytest.approx(1667.0)
+    assert tags["EXIF FocalPlaneResolutionUnit"].values == [3]
     assert str(tags["EXIF LensModel"]) == "85mm f/1.8"
     assert str(tags["Image Make"]) == "Synthetic"
 

@@ -34,6 +34,7 @@ def write_dng(
     iso: int,
     f_number: float,
     focal_length_mm: float,
+    focal_plane_px_per_mm: float | None = None,
     noise_profile: ArrayLike | None = None,
     orientation: int = 1,
     crop: tuple[int, int, int, int] | None = None,
@@ -60,7 +61,7 @@ def write_dng(
         | _colour(xyz_to_camera, as_shot_neutral, noise_profile)
         | _names(make, model, software, taken)
     )
-    exif = _exif(exposure_s, iso, f_number, focal_length_mm, lens, taken)
+    exif = _exif(exposure_s, iso, f_number, lens, taken) | _focal(focal_length_mm, focal_plane_px_per_mm)
     _write_whole(Path(path), _head(main, exif), np.ascontiguousarray(pixels, dtype="<u2").data)
 
 
@@ -144,9 +145,7 @@ def _names(make: str, model: str, software: str, taken: str) -> dict[int, Entry]
     }
 
 
-def _exif(
-    exposure_s: float, iso: int, f_number: float, focal_length_mm: float, lens: str, taken: str
-) -> dict[int, Entry]:
+def _exif(exposure_s: float, iso: int, f_number: float, lens: str, taken: str) -> dict[int, Entry]:
     """The EXIF directory proper: readers take ISO from nowhere else."""
     tags = {
         33434: numbers("rational", exposure_s),
@@ -154,9 +153,17 @@ def _exif(
         34855: numbers("short", iso),
         36864: opaque(b"0231"),  # ExifVersion
         36867: text(taken),  # DateTimeOriginal
-        37386: numbers("rational", focal_length_mm),
     }
     return tags | ({42036: text(lens)} if lens else {})
+
+
+def _focal(focal_length_mm: float, px_per_mm: float | None) -> dict[int, Entry]:
+    """The focal length, and the pixels' pitch that turns it into pixels."""
+    tags = {37386: numbers("rational", focal_length_mm)}
+    if px_per_mm is not None:
+        per_cm = numbers("rational", 10.0 * px_per_mm)
+        tags |= {41486: per_cm, 41487: per_cm, 41488: numbers("short", 3)}  # FocalPlaneResolution, per centimetre
+    return tags
 
 
 def _head(main: dict[int, Entry], exif: dict[int, Entry]) -> bytes:

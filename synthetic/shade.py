@@ -1,0 +1,104 @@
+"""Radiance of a sphere's surface points: the one equation, evaluated where it is asked for and nowhere stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.geometry.lights import AnyLight
+from toolkit.geometry.sphere import centre_position, surface
+from toolkit.records import Floats, Scene
+from toolkit.reflectance import fresnel
+from toolkit.reflectance.cosines import Cosines
+
+from .lights import point_lights
+from .materials import Material
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shade:
+    """What the camera sees at points of the picture; off the sphere both layers are 0."""
+
+    diffuse: Floats  # (N, 3) radiance
+    specular: Floats  # (N, 3) radiance
+    on_sphere: np.ndarray  # (N,) bool
+    sin2_h: Floats  # (N,) sin^2 of the normal-half angle, the smallest over the lights: 0 in a highlight's middle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shader:
+    """A material in a scene."""
+
+    scene: Scene
+    material: Material
+
+    @cached_property
+    def lights(self) -> tuple[AnyLight, ...]:
+        """The scene's lights, each extended one as several small ones."""
+        width = highlight_half_width_rad(self.material)
+        return tuple(small for light in self.scene.lights for small in point_lights(light, detail_rad=width))
+
+    @cached_property
+    def irradiance(self) -> Floats:
+        """Irradiance (3,) of all lights together, each on a plane facing it at the sphere's centre."""
+        return np.asarray(np.sum([light.at(np.zeros((1, 3)))[1][0] for light in self.lights], axis=0))
+
+    def __call__(self, x_px: Floats, y_px: Floats) -> Shade:
+        """The layers at pixel coordinates (N,)."""
+        seen = surface(self.scene.camera, self.scene.sphere, x_px, y_px)
+        diffuse, specular = np.zeros((2, len(x_px), 3))
+        nearest = np.full(len(x_px), np.inf)
+        for light in self.lights:
+            towards, irradiance = light.at(seen.normal)
+            cosines = Cosines.of(seen.normal, towards, seen.view)
+            body, gloss = lobes(self.material, cosines)
+            diffuse += irradiance * body
+            specular += irradiance * gloss
+            nearest = np.minimum(nearest, cosines.sin2_h)
+        off = ~seen.on_sphere
+        diffuse[off] = specular[off] = 0.0
+        return Shade(diffuse=diffuse, specular=specular, on_sphere=seen.on_sphere, sin2_h=nearest)
+
+
+def lobes(material: Material, cosines: Cosines) -> tuple[Floats, Floats]:
+    """Both lobes times their colours, (N, 3) each: radiance per irradiance on a facing plane."""
+    body, gloss = material.lobes
+    diffuse = body.value(cosines, material.shape_of(body))[..., None] * material.colours["diffuse_albedo"]
+    lobe = gloss.value(cosines, material.shape_of(gloss), material.variant)[..., None]
+    return diffuse, lobe * specular_colour(material, cosines.l_dot_h)
+
+
+def specular_colour(material: Material, cosine: Floats) -> Floats:
+    """The specular lobe's colour (..., 3) where cos theta_d is `cosine` (...): Fresnel's factor, or the albedo."""
+    (kind, value), *_ = ((k, v) for k, v in material.colours.items() if k != "diffuse_albedo")
+    if kind == "specular_f0":
+        return fresnel.schlick(np.asarray(cosine)[..., None], value)
+    if kind == "specular_index":
+        return fresnel.dielectric(np.asarray(cosine)[..., None], value)
+    return np.broadcast_to(value, (*np.shape(cosine), 3))
+
+
+def highlight_half_width_rad(material: Material) -> float:
+    """Angle normal-half at which the specular lobe has fallen to half, seen and lit from straight above."""
+    _, gloss = material.lobes
+    theta = np.geomspace(1e-5, 1.0, 400)
+    up = np.array([[0.0, 0.0, 1.0]])
+    normal = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=-1)
+    value = gloss.value(Cosines.of(normal, up, up), material.shape_of(gloss), material.variant)
+    below = np.nonzero(value < 0.5 * value.max())[0]
+    return float(theta[below[0]]) if len(below) else 1.0
+
+
+def highlight_normal(scene: Scene, light: AnyLight) -> Floats:
+    """Normal (3,) in the middle of a light's highlight: it halves the directions to light and camera."""
+    normal, camera = np.array([0.0, 0.0, 1.0]), scene.camera
+    for _ in range(100):
+        towards = light.at(normal[None])[0][0]
+        view = np.array([0.0, 0.0, 1.0])
+        if camera.projection == "perspective":
+            view = -centre_position(camera, scene.sphere) - normal
+            view /= np.linalg.norm(view)
+        normal = (towards + view) / np.linalg.norm(towards + view)
+    return np.asarray(normal)
