@@ -1,4 +1,4 @@
-"""What a cloud of colours looks like: a point, a line, a plane or a volume (Klinker, Shafer & Kanade 1990, section 4.2).
+"""What a cloud of colours looks like: a point, a line, a plane or a volume (Klinker, Shafer & Kanade 1990, 4.2).
 
 The singular values of the cloud about its mean are held against what noise alone would give.
 """

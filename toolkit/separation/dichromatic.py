@@ -1,4 +1,5 @@
-"""Separation by colour alone, after Klinker, Shafer & Kanade (1990), "A physical approach to color image understanding".
+"""Separation by colour alone, after Klinker, Shafer & Kanade (1990), "A physical approach to color image
+understanding", IJCV 4.
 
 One object of one hue under one light: its colours lie in a plane, in a skewed T. The plane and the matte line give
 the body colour, the light's colour is given or estimated, every pixel is projected on the two with its noise. What
@@ -16,13 +17,14 @@ from toolkit.records import ColourLayers, Floats, Noise
 from .body import Body, body_colour
 from .cluster import Cluster, classify
 from .highlight import HighlightLine, highlight_line
-from .projection import Coefficients, picture_of, project
-from .samples import Mask, Samples, block_size, blocks, samples
+from .projection import Layers, project
+from .samples import Blocks, Mask, block_size, blocks, samples
 
 SMALLEST_ANGLE_DEG = 3.0  # below it, 1 % noise leaves 60 % error in the specular layer
 WORST_SPECULAR = 0.5  # relative rms error of the specular layer that noise alone would leave
 WORST_MISFIT = 3.0  # of the blocks' distance from the plane, over the noise, where it also is ...
 WORST_OFF_PLANE = 0.02  # ... this part of the brightness: a second hue, or a picture that is not linear
+CLIPPED_SHARE = 0.01
 
 
 def separate(
@@ -53,6 +55,7 @@ def separate(
     body = body_colour(cloud, light)
     line = highlight_line(cloud, body.colour, light) if body.seen else None
     found = project(ready, body.colour, light, body_covariance=body.covariance, light_covariance=of_light)
+    clipped = 1 - np.count_nonzero(ready.weight) / np.count_nonzero(ready.on_sphere)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
     return ColourLayers(
         method="dichromatic",
@@ -64,15 +67,15 @@ def separate(
         angle_deg=angle,
         angle_sd_deg=angle_sd,
         cluster=cluster.kind,
-        diffuse=picture_of(found.body[:, None] * body.colour, ready.on_sphere),
-        specular=picture_of(found.light[:, None] * light, ready.on_sphere),
-        covariance=picture_of(found.covariance, ready.on_sphere),
-        residual=picture_of(found.residual, ready.on_sphere),
+        diffuse=found.diffuse,
+        specular=found.specular,
+        covariance=found.covariance,
+        residual=found.residual,
         corner=line.corner if line else np.full(3, np.nan),
         highlight_colour=line.direction if line else np.full(3, np.nan),
         origin_px=origin_px,
         step_px=step_px,
-        flags=_flags(ready, cluster, body, line, found, angle, angle_sd),
+        flags=_flags(cloud, cluster, body, line, _specular_error(found, light), (angle, angle_sd), clipped),
     )
 
 
@@ -95,30 +98,30 @@ def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Fl
 
 
 def _flags(
-    ready: Samples,
+    cloud: Blocks,
     cluster: Cluster,
     body: Body,
     line: HighlightLine | None,
-    found: Coefficients,
-    angle: float,
-    angle_sd: float,
+    specular_error: float,
+    angle: tuple[float, float],
+    clipped: float,
 ) -> tuple[str, ...]:
     flags = []
-    if not body.seen or angle < max(SMALLEST_ANGLE_DEG, 3 * angle_sd) or _specular_error(found) > WORST_SPECULAR:
+    if not body.seen or angle[0] < max(SMALLEST_ANGLE_DEG, 3 * angle[1]) or specular_error > WORST_SPECULAR:
         flags.append(Flag.COLOUR_CANNOT_SEPARATE)
     if line is None and body.seen:
         flags.append(Flag.NO_SPECULAR)
-    bright = float(np.sqrt(np.mean(ready.values[ready.weight > 0] ** 2)))
+    bright = float(np.sqrt(np.mean(cloud.colour**2)))
     if cluster.kind == "volume" or (body.misfit > WORST_MISFIT and body.off_plane > WORST_OFF_PLANE * bright):
         flags.append(Flag.POOR_FIT)
-    clipped = ~ready.usable[ready.on_sphere]
-    if clipped.any(axis=1).mean() > 0.01:
+    if clipped > CLIPPED_SHARE:
         flags.append(Flag.CLIPPED)
     return tuple(flags)
 
 
-def _specular_error(found: Coefficients) -> float:
+def _specular_error(found: Layers, light: Floats) -> float:
     """Relative rms error of the specular layer that its own covariance predicts."""
-    variance = float(np.nanmean(found.covariance[:, 2]))
-    power = float(np.nanmean(found.light**2)) - variance
+    some = slice(None, None, max(found.residual.size // 8192, 1))
+    variance = float(np.nanmean(found.covariance.reshape(-1, 3)[some, 2]))
+    power = float(np.nanmean((found.specular.reshape(-1, 3)[some] @ light) ** 2)) - variance
     return float(np.sqrt(variance / power)) if power > 0 else np.inf

@@ -22,7 +22,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-LOW, HIGH, STEP = -8.0, 24.0, 0.1  # the window of z = (t - slope m) / sd that the mixture describes
+LOW, HIGH, STEP = -8.0, 24.0, 0.125  # the window of z = (t - slope m) / sd that the mixture describes
 WIDTHS = (0.75, 1.5, 3.0, 6.0, 12.0, 24.0)  # of the half-uniforms, in sd
 STRAY = 0.002  # weight of what belongs to no component: dust, a foreign pixel
 FIRST_NOISE = 0.02  # of the largest m: the noise that the first and coarsest level pretends
@@ -57,7 +57,7 @@ def _below(z: Floats) -> Floats:
 CENTRES, DENSITY, SLOPE = _bins()
 
 
-def weights(counts: Floats, start: Floats, rounds: int = 25) -> Floats:
+def weights(counts: Floats, start: Floats, rounds: int = 8) -> Floats:
     """Weights (components,) of the mixture by expectation-maximisation from counts (bins,)."""
     share = start
     stray = STRAY / (HIGH - LOW)
@@ -69,7 +69,7 @@ def weights(counts: Floats, start: Floats, rounds: int = 25) -> Floats:
 
 
 def score(share: Floats) -> Floats:
-    """psi = -f'/f on the bins: the noise that each z is expected to hold, in sd."""
+    """Psi = -f'/f on the bins: the noise that each z is expected to hold, in sd."""
     f = share @ DENSITY + STRAY / (HIGH - LOW)
     return np.asarray(-(share @ SLOPE) / f)
 

@@ -10,20 +10,21 @@ from toolkit.records import Floats, readonly
 
 from .samples import Mask, Samples
 
+CHUNK = 8192  # pixels at a time: their temporary arrays stay in the processor's cache
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Coefficients:
-    """Body `a` and light `s` coefficients (n,) of the sphere's pixels, row by row, and their covariance (n, 3).
+class Layers:
+    """Pictures (h, w, ...) in float32, NaN off the sphere and where fewer than two channels are usable.
 
-    `seen` (n,) counts the channels each rests on: 3, 2 beside a clipped one; below 2 there is no answer (NaN).
-    `residual` (n,) is the signed distance from the plane of the two colours, NaN below 3.
+    `covariance` (h, w, 3) of the coefficients (a, s) as var, cov, var. `residual` (h, w) is the signed distance from
+    the plane of the two colours, NaN below three channels.
     """
 
-    body: Floats
-    light: Floats
+    diffuse: Floats
+    specular: Floats
     covariance: Floats
     residual: Floats
-    seen: Floats
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -31,43 +32,57 @@ class Coefficients:
 
 def project(
     picture: Samples, body: Floats, light: Floats, *, body_covariance: Floats, light_covariance: Floats
-) -> Coefficients:
-    """Coefficients of every pixel on the sphere; the colours' own covariances (3, 3) are carried into theirs."""
-    on = picture.on_sphere
-    values, usable = picture.values[on], picture.usable[on]
-    variance = picture.variance if picture.variance.ndim == 1 else picture.variance[on]
+) -> Layers:
+    """Layers of every pixel; the colours' own covariances (3, 3) are carried into theirs."""
+    shape = picture.on_sphere.shape
+    values, usable = picture.values.reshape(-1, 3), picture.usable.reshape(-1, 3)
+    variance = picture.variance.reshape(-1, 3)
+    shared = _from_colours(body, light, variance, body_covariance, light_covariance)
+    diffuse, specular, covariance = np.empty((3, len(values), 3), np.float32)
+    residual = np.empty(len(values), np.float32)
+    for start in range(0, len(values), CHUNK):
+        rows = slice(start, start + CHUNK)
+        noise = variance if len(variance) == 1 else variance[rows]
+        a, s, covariance[rows], residual[rows] = _rows(values[rows], usable[rows], noise, body, light, shared)
+        np.multiply(a[:, None], body, out=diffuse[rows])
+        np.multiply(s[:, None], light, out=specular[rows])
+    return Layers(
+        diffuse=diffuse.reshape(*shape, 3),
+        specular=specular.reshape(*shape, 3),
+        covariance=covariance.reshape(*shape, 3),
+        residual=residual.reshape(shape),
+    )
+
+
+def _rows(
+    values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats, shared: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Two normal equations a pixel, solved in closed form."""
     weight = usable / variance
-    normal = weight @ np.stack([body * body, body * light, light * light], axis=1)
-    bb, bl, ll = normal.T
-    right = (weight * values) @ np.stack([body, light], axis=1)
-    seen = usable.sum(axis=1)
+    bb, bl, ll = np.stack([body * body, body * light, light * light]) @ weight.T
+    b, l = np.stack([body, light]) @ (weight * values).T  # noqa: E741  # beside bb, bl, ll the clearest name
+    seen = usable[:, 0].astype(np.intp) + usable[:, 1] + usable[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(seen >= 2, 1.0 / (bb * ll - bl * bl), np.nan)
-        a = (ll * right[:, 0] - bl * right[:, 1]) * inverse
-        s = (bb * right[:, 1] - bl * right[:, 0]) * inverse
-        covariance = np.stack([ll * inverse, -bl * inverse, bb * inverse], axis=1)
-    covariance += _from_colours(a, s, body, light, variance, body_covariance, light_covariance)
+        inverse = 1.0 / (bb * ll - bl * bl)
+        inverse[seen < 2] = np.nan
+        a, s = (ll * b - bl * l) * inverse, (bb * l - bl * b) * inverse
+        covariance = np.stack([a * a, s * s], axis=1) @ shared
+        for entry, part in enumerate((ll, -bl, bb)):
+            covariance[:, entry] += part * inverse
     across = np.cross(body, light)
-    across /= max(float(np.linalg.norm(across)), 1e-300)
-    residual = np.where(seen == 3, values @ across, np.nan)
-    return Coefficients(body=a, light=s, covariance=covariance, residual=residual, seen=seen)
+    residual = values @ (across / max(float(np.linalg.norm(across)), 1e-300))
+    residual[seen < 3] = np.nan
+    return a, s, covariance, residual
 
 
-def _from_colours(
-    a: Floats, s: Floats, body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats
-) -> Floats:
-    """What uncertain colours add, (n, 3): the shift of (a, s) is -G (a dbody + s dlight), G the pseudo-inverse."""
-    typical = variance if variance.ndim == 1 else variance.mean(axis=0)
+def _from_colours(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:
+    """What uncertain colours add: (2, 3), by which (a^2, s^2) is multiplied to give var, cov, var.
+
+    (a, s) shifts by -G (a dbody + s dlight), with G (2, 3) the weighted pseudo-inverse of the two colours.
+    """
+    typical = variance[:: max(len(variance) // 4096, 1)].mean(axis=0)
     pair = np.stack([body, light], axis=1)
     weighted = pair / typical[:, None]
     inverse = np.linalg.pinv(weighted.T @ pair) @ weighted.T
     of_body, of_light = inverse @ of_body @ inverse.T, inverse @ of_light @ inverse.T
-    entries = ((0, 0), (0, 1), (1, 1))
-    return np.stack([a * a * of_body[e] + s * s * of_light[e] for e in entries], axis=1)
-
-
-def picture_of(values: Floats, on: Mask) -> Floats:
-    """Scatter per-pixel values (n, ...) back into a picture (h, w, ...), NaN off the sphere."""
-    out = np.full(on.shape + values.shape[1:], np.nan)
-    out[on] = values
-    return out
+    return np.stack([of_body[[0, 0, 1], [0, 1, 1]], of_light[[0, 0, 1], [0, 1, 1]]])

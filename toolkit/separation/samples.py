@@ -69,7 +69,7 @@ def samples(
     on = _mask("on_sphere", on_sphere, shape[:2])
     good = _mask("usable", usable, shape) & np.isfinite(picture) & on[..., None]
     values = np.where(good, picture, 0.0).astype(float, copy=False)
-    weight = good.all(axis=2).astype(float)
+    weight = (good[..., 0] & good[..., 1] & good[..., 2]).astype(float)  # all(axis=2) is ten times slower
     if bloom is not None:
         weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
     _refuse_empty(values, weight, good)
@@ -89,8 +89,8 @@ def _refuse_empty(values: Floats, weight: Floats, good: Mask) -> None:
     full = int(np.count_nonzero(weight))
     if full < FEWEST:
         raise BadInputError(
-            f"{full} pixels have all three channels usable, {int(good.any(axis=2).sum())} any; separation by colour "
-            f"needs {FEWEST}: expose less, or check the mask"
+            f"{full} pixels have all three channels usable; separation by colour needs {FEWEST}: "
+            "expose less where they clip, or check the mask"
         )
     if not np.any(values > 0):
         raise BadInputError("the picture holds no light at all; expected a lit sphere: check exposure and mask")
@@ -131,11 +131,11 @@ def _box(values: Floats, radius: int) -> Floats:
 
 def block_size(picture: Samples) -> int:
     """As small as `MOST_BLOCKS` allows and as large as the noise asks, but never so large as to hide the highlight."""
-    full = picture.weight > 0
-    lit = picture.values[full]
-    count = len(lit)
-    bright = float(np.quantile(lit.max(axis=1)[:: max(count // 4096, 1)], 0.98))
-    variance = picture.variance if picture.variance.ndim == 1 else picture.variance[full].mean(axis=0)
+    full = np.flatnonzero(picture.weight)
+    count = len(full)
+    some = full[:: max(count // 4096, 1)]
+    bright = float(np.quantile(picture.values.reshape(-1, 3)[some].max(axis=1), 0.98))
+    variance = picture.variance if picture.variance.ndim == 1 else picture.variance.reshape(-1, 3)[some]
     noise = float(np.sqrt(variance.mean()))
     for_time = np.ceil(np.sqrt(count / MOST_BLOCKS))
     for_noise = np.ceil(noise / max(WANTED_NOISE * bright, 1e-300))
@@ -147,28 +147,28 @@ def blocks(picture: Samples, size: int) -> Blocks:
     weight = picture.weight
     h, w = weight.shape
     y, x = np.arange(h, dtype=float)[:, None], np.arange(w, dtype=float)
-    layers = [weight, weight * x, weight * y, weight * weight]
-    layers += [weight * picture.values[..., c] for c in range(3)]
+    plain = [_block_sums(each, size) for each in (weight, weight * x, weight * y, weight * weight)]
+    colour = _block_sums(weight[..., None] * picture.values, size)
     if picture.variance.ndim == 3:
-        layers += [weight * weight * picture.variance[..., c] for c in range(3)]
-    sums = _block_sums(np.stack(layers), size)
-    sums = sums[:, sums[0] >= 0.25 * size * size]
-    total = sums[0]
-    variance = sums[7:].T if picture.variance.ndim == 3 else sums[3][:, None] * picture.variance
+        variance = _block_sums((weight * weight)[..., None] * picture.variance, size)
+    else:
+        variance = plain[3][:, None] * picture.variance
+    held = plain[0] >= 0.25 * size * size
+    total = plain[0][held]
     return Blocks(
-        colour=sums[4:7].T / total[:, None],
-        variance=variance / total[:, None] ** 2,
-        x=sums[1] / total,
-        y=sums[2] / total,
+        colour=colour[held] / total[:, None],
+        variance=variance[held] / total[:, None] ** 2,
+        x=plain[1][held] / total,
+        y=plain[2][held] / total,
         weight=total,
         size=size,
     )
 
 
-def _block_sums(layers: Floats, size: int) -> Floats:
-    """Sums (k, n) over squares of layers (k, h, w), the edges filled up with nothing."""
-    k, h, w = layers.shape
+def _block_sums(layer: Floats, size: int) -> Floats:
+    """Sums (n, ...) over squares of a layer (h, w, ...), the edges filled up with nothing."""
+    h, w = layer.shape[:2]
     if size > 1:
-        layers = np.add.reduceat(layers, np.arange(0, w, size), axis=2)
-        layers = np.add.reduceat(layers, np.arange(0, h, size), axis=1)
-    return layers.reshape(k, -1)
+        layer = np.add.reduceat(layer, np.arange(0, h, size), axis=0)
+        layer = np.add.reduceat(layer, np.arange(0, w, size), axis=1)
+    return layer.reshape(-1, *layer.shape[2:])
