@@ -51,7 +51,7 @@ Colour = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator
 Pixels = Annotated[int, Field(ge=16, le=65535)]
 SpecularModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("specular")]
 DiffuseModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("diffuse")]
-Nuisance = Literal["light", "centre", "radius", "pedestal", "distance"]
+Nuisance = Literal["light", "distance", "centre", "radius", "all"]
 
 
 class Table(BaseModel):
@@ -85,13 +85,16 @@ class NoiseTable(Table):
 
 
 class ImageTable(Table):
-    """How the numbers of the file are read, and for `render` how they are written."""
+    """How the numbers of the file are read; all else is for `render`, which writes them."""
 
     transfer: Literal["srgb"] | None = None  # the curve to undo in 8-bit or encoded files
     width_px: Pixels | None = None
     height_px: Pixels | None = None
     format: Literal["dng", "exr", "png"] | None = None  # omitted: from the output's name
-    exposure: Positive = 1.0
+    exposure: Positive | None = None  # image units per radiance; omitted: the highlight at 0.8 of saturation
+    background: Colour = (0.0, 0.0, 0.0)  # radiance around the sphere
+    pedestal: Colour = (0.0, 0.0, 0.0)  # radiance added everywhere: stray light
+    blur_sd_px: NotNegative = 0.0  # of the lens
 
 
 class MaterialTable(Table):
@@ -117,7 +120,7 @@ class FitTable(Table):
     specular: Literal["neutral", "coloured"] = "coloured"
     fix: Annotated[tuple[Nuisance, ...], Field(max_length=16)] = ()
     discrepancy: Literal["on", "off"] = "on"
-    ess: Annotated[int, Field(ge=100, le=1_000_000)] = 2000  # effective samples to reach
+    ess: Annotated[int, Field(ge=100, le=1_000_000)] = 4000  # effective samples to reach
     samples_max: Annotated[int, Field(ge=1000, le=10_000_000)] = 200_000  # draws at which sampling stops anyway
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 

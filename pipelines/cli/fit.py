@@ -1,0 +1,217 @@
+"""The default command: fit every image given, write its results, tell of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from toolkit.errors import BadInputError, UsageError
+from toolkit.flags import Flag
+
+from .flags import OUTPUT, RUN, FitFlags, SceneFlags, TalkFlags, Texts, settings_for
+from .terminal import Terminal
+
+if TYPE_CHECKING:
+    from pipelines.settings import Settings
+    from toolkit.records import MaterialReport
+
+COMMANDS = ("batch", "doctor", "export", "light", "models", "plan", "relight", "render", "validate")
+FAILED, USAGE, PARTLY_FAILED, LOW_QUALITY = 1, 2, 4, 5
+LOW = frozenset(  # what --strict refuses; the other flags tell what no better photograph of the kind would change
+    {
+        Flag.LIGHT_ESTIMATED,
+        Flag.TRANSFER_ASSUMED,
+        Flag.SPHERE_UNCERTAIN,
+        Flag.CLIPPED,
+        Flag.HIGHLIGHT_CLIPPED,
+        Flag.HIGHLIGHT_UNSEEN,
+        Flag.NEAR_BOUND,
+        Flag.POOR_FIT,
+        Flag.NOT_CONVERGED,
+        Flag.CHAIN_TOO_SHORT,
+        Flag.LAYERS_DISAGREE,
+    }
+)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class OutputFlags:
+    """What is written, and where."""
+
+    out: Annotated[
+        Path | None,
+        Parameter(
+            group=OUTPUT,
+            metavar="DIR",
+            help="Folder of the results; of several images, the folder of their folders. [default: ./STEM.fit/]",
+        ),
+    ] = None
+    json: Annotated[bool, Parameter(group=OUTPUT, help="Print the result as one JSON object.")] = False
+    jsonl: Annotated[bool, Parameter(group=OUTPUT, help="Print one JSON object a line, one an image.")] = False
+    no_report: Annotated[bool, Parameter(group=OUTPUT, help="Write no HTML page.")] = False
+    export: Annotated[Texts, Parameter(group=OUTPUT, metavar="FORMAT", help="More files to write. Repeatable.")] = ()
+    overwrite: Annotated[bool, Parameter(group=RUN, help="Replace results that are there.")] = False
+    resume: Annotated[bool, Parameter(group=RUN, help="Keep finished results that are there, fit the rest.")] = False
+    dry_run: Annotated[bool, Parameter(group=RUN, help="Print the settings of each fit and stop.")] = False
+    strict: Annotated[bool, Parameter(group=RUN, help="Exit 5 where a flag says that quality is low.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What all images of one command share."""
+
+    scene: SceneFlags
+    fit: FitFlags
+    output: OutputFlags
+    terminal: Terminal
+
+
+def fit(
+    *images: Annotated[str, Parameter(metavar="IMAGE", help="Photographs of a sphere.")],
+    scene: SceneFlags = SceneFlags(),  # noqa: B008  # frozen
+    what: FitFlags = FitFlags(),  # noqa: B008  # frozen
+    output: OutputFlags = OutputFlags(),
+    talk: TalkFlags = TalkFlags(),  # noqa: B008  # frozen
+) -> int:
+    """Fit the images; returns the exit code."""
+    _refuse(images, output)
+    terminal = Terminal(
+        json=output.json or output.jsonl, quiet=talk.quiet, verbose=talk.verbose and not talk.quiet, debug=talk.debug
+    )
+    run = Run(scene=scene, fit=what, output=output, terminal=terminal)
+    codes = [_try_one(Path(image), out, run) for image, out in _folders(images, output.out).items()]
+    return exit_code(codes)
+
+
+def exit_code(codes: Sequence[int]) -> int:
+    """One code for all images: their own where they agree, 4 where some failed, 5 where the worst is low quality."""
+    failed = [code for code in codes if code not in (0, LOW_QUALITY)]
+    if not failed:
+        return max(codes)
+    if len(failed) < len(codes):
+        return PARTLY_FAILED
+    return failed[0] if len(set(failed)) == 1 else FAILED
+
+
+def _refuse(images: Sequence[str], output: OutputFlags) -> None:
+    if not images:
+        raise UsageError("found no image; expected fit-material IMAGE [IMAGE ...]; --help tells more")
+    for image in images:
+        if image in COMMANDS:
+            raise UsageError(f"{image!r} is a command's name and comes first; for a file of that name write ./{image}")
+    if len(images) > 1 and output.json:
+        raise UsageError(f"--json prints one object, found {len(images)} images; expected --jsonl")
+    if output.overwrite and output.resume:
+        raise UsageError("--overwrite and --resume contradict each other; expected one of them")
+
+
+def _folders(images: Sequence[str], out: Path | None) -> dict[str, Path]:
+    """Where each image's results go; no two to one place."""
+    from pipelines.report.text import stem
+
+    if len(images) == 1 and out is not None:
+        return {images[0]: out}
+    folders = {image: (out or Path()) / f"{stem(Path(image).name)}.fit" for image in images}
+    places = Counter(folders.values())
+    if len(folders) < len(images) or places.most_common(1)[0][1] > 1:
+        raise UsageError(
+            f"several images would write to {places.most_common(1)[0][0]}; expected one run each, with --out"
+        )
+    return folders
+
+
+def _try_one(image: Path, out: Path, run: Run) -> int:
+    try:
+        return _one(image, out, run)
+    except Exception as error:  # one image's failure must not stop the others
+        return run.terminal.failure(str(image), error, lines=run.output.jsonl)
+
+
+def _one(image: Path, out: Path, run: Run) -> int:
+    _refuse_image(image)
+    settings = settings_for(image, run.scene, run.fit)
+    finished = _finished(image, out, settings, run.output)
+    if run.output.dry_run:
+        return _plan(image, out, settings, run)
+    if finished is not None:
+        run.terminal.note(f"{image}: finished before, kept in {out}")
+        if run.terminal.json:
+            run.terminal.object(finished, lines=run.output.jsonl)
+        return 0
+    report = _fit_and_write(image, out, settings, run)
+    return _tell(report, settings, out, run)
+
+
+def _refuse_image(image: Path) -> None:
+    if image.is_dir():
+        raise BadInputError(f"{image} is a folder; expected an image file")
+    if not image.exists():
+        raise BadInputError(f"{image} does not exist; expected an image file")
+
+
+def _fit_and_write(image: Path, out: Path, settings: Settings, run: Run) -> MaterialReport:
+    from pipelines.fit_material import fit_material
+    from pipelines.report.write import write_outputs
+
+    with run.terminal.progress(image.name) as progress:
+        report = fit_material(image, settings, progress=progress)
+        progress("writing", 1.0)
+        write_outputs(report, out, settings, page=not run.output.no_report, exports=run.output.export)
+    return report
+
+
+def _tell(report: MaterialReport, settings: Settings, out: Path, run: Run) -> int:
+    """The result on stdout, as an object or as a table; returns the exit code."""
+    from pipelines.report.result import result_object
+    from pipelines.report.table import print_table
+    from pipelines.report.text import stem
+
+    if run.terminal.json:
+        run.terminal.object(result_object(report, settings), lines=run.output.jsonl)
+    elif not run.terminal.quiet:
+        page = out / f"{stem(report.image.name)}.html"
+        print_table(report, run.terminal.console(), where=out if run.output.no_report else page)
+    return _code(report, strict=run.output.strict)
+
+
+def _code(report: MaterialReport, *, strict: bool) -> int:
+    best = report.fits[report.best] if report.fits else None
+    if best is None or best.status != "converged":
+        return FAILED
+    low = LOW.intersection((*report.flags, *best.flags))
+    return LOW_QUALITY if strict and low else 0
+
+
+def _finished(image: Path, out: Path, settings: Settings, output: OutputFlags) -> Mapping[str, Any] | None:
+    """A finished result of this very image and these settings, to be kept; raises UsageError on any other."""
+    if output.overwrite or not _occupied(out):
+        return None
+    if not output.resume:
+        raise UsageError(f"{out} exists; expected a new place: --out DIR, --overwrite to replace it, or --resume")
+    from .resume import finished
+
+    return finished(image, out, settings)
+
+
+def _occupied(out: Path) -> bool:
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file; expected a folder for the results: --out DIR")
+    return out.is_dir() and any(out.iterdir())
+
+
+def _plan(image: Path, out: Path, settings: Settings, run: Run) -> int:
+    from pipelines.report.text import clean
+    from pipelines.settings import dumps
+
+    if run.terminal.json:
+        planned = {"status": "planned", "image": str(image), "out": str(out), "settings": settings.model_dump()}
+        run.terminal.object(planned, lines=run.output.jsonl)
+    else:
+        run.terminal.result(f"# {clean(image)} -> {clean(out)}\n{dumps(settings)}\n")
+    return 0

@@ -1,0 +1,63 @@
+"""Results of an earlier run: kept only where they are of this very image, these settings and this version."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import toolkit
+from pipelines.layers import read_settings
+from pipelines.report.text import stem
+from toolkit.errors import FitMaterialError, UsageError
+
+if TYPE_CHECKING:
+    from pipelines.settings import Settings
+
+MAX_RESULT_BYTES = 1 << 26
+
+
+def finished(image: Path, out: Path, settings: Settings) -> Mapping[str, Any]:
+    """The result object in `out`; raises UsageError where what is there is something else."""
+    name = stem(image.name)
+    result = _read_result(out / f"{name}.json")
+    if result is None:
+        raise UsageError(f"{out} holds no finished result of {image.name}; expected one, or --overwrite to replace it")
+    different = [what for what, same in _same(image, settings, result, out / f"{name}.settings.toml") if not same]
+    if different:
+        raise UsageError(f"{out} holds a result of {' and '.join(different)}; expected --overwrite to replace it")
+    return result
+
+
+def _same(image: Path, settings: Settings, result: Mapping[str, Any], written: Path) -> list[tuple[str, bool]]:
+    with image.open("rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    return [
+        ("another image", _inner(result, "image", "sha256") == digest),
+        ("other settings", _read_back(written) == settings),
+        ("another version", _inner(result, "software", "fit-material") == toolkit.__version__),
+    ]
+
+
+def _read_result(path: Path) -> Mapping[str, Any] | None:
+    try:
+        if path.stat().st_size > MAX_RESULT_BYTES:
+            return None
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) and found.get("status") == "ok" else None
+
+
+def _read_back(path: Path) -> Settings | None:
+    try:
+        return read_settings(path)
+    except FitMaterialError:
+        return None
+
+
+def _inner(result: Mapping[str, Any], table: str, key: str) -> object:
+    inner = result.get(table)
+    return inner.get(key) if isinstance(inner, dict) else None

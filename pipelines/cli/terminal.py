@@ -1,0 +1,139 @@
+"""Where text goes: results to stdout, all else to stderr, failures in one line, progress only on a terminal."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from toolkit.errors import FitMaterialError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terminal:
+    """How one command talks."""
+
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    debug: bool = False
+
+    def result(self, text: str) -> None:
+        """A result on stdout; a reader who has gone away (`| head`) does not stop the work."""
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_stdout()
+
+    def object(self, values: Mapping[str, Any], *, lines: bool = False) -> None:
+        """One JSON object on stdout; with `lines` on one line."""
+        from pipelines.report.result import result_text
+
+        self.result(result_text(values, indent=None if lines else 1))
+
+    def note(self, text: str) -> None:
+        """A remark on stderr with --verbose."""
+        if self.verbose:
+            _stderr(text)
+
+    def error(self, text: str) -> None:
+        """One line on stderr, whatever the text holds."""
+        from pipelines.report.text import clean
+
+        _stderr(f"fit-material: {clean(text)}")
+
+    def failure(self, name: str, error: Exception, *, lines: bool = False) -> int:
+        """Tell of a failure on stderr, and as an object on stdout where JSON is wanted; returns its exit code."""
+        text = _line(error)
+        if self.debug:
+            _stderr("".join(traceback.format_exception(error)).rstrip())
+        self.error(f"{name}: {text}" if name and not text.startswith(name) else text)
+        if self.json:
+            from pipelines.report.result import failure_object
+
+            self.object(failure_object(name, text), lines=lines)
+        return error.exit_code if isinstance(error, FitMaterialError) else 1
+
+    def console(self) -> Console:
+        """A rich console on stdout: plain without a terminal, no colour with NO_COLOR."""
+        from rich.console import Console
+
+        return Console(file=sys.stdout, highlight=False, soft_wrap=False)
+
+    @contextmanager
+    def progress(self, name: str) -> Iterator[Progress]:
+        """A bar on stderr that follows (stage, share done); without a terminal only --verbose tells of stages."""
+        if self.quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+            yield self._stages(name)
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(name, total=1.0)
+            yield lambda stage, share: bar.update(task, description=f"{name}: {stage}", completed=share)
+
+    def _stages(self, name: str) -> Progress:
+        told: list[str] = []
+
+        def tell(stage: str, share: float) -> None:
+            if told[-1:] != [stage]:
+                told.append(stage)
+                self.note(f"{name}: {stage}")
+
+        return tell
+
+    def close(self, code: int) -> int:
+        """Flush stdout; a result that could not be written (a full disk) is a failure."""
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_stdout()
+        except OSError as error:
+            self.error(f"stdout cannot be written: {error.strerror}; expected a place with room for the result")
+            _discard_stdout()
+            return code or 1
+        return code
+
+
+def _line(error: Exception) -> str:
+    """What a user is told of an error; one that nobody foresaw says so."""
+    if isinstance(error, FitMaterialError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "not enough memory for this image; expected a smaller one, or more memory"
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}{error.strerror or error}; expected a place that can be read and written"
+    reason = str(error).partition("\n")[0]
+    return f"unexpected {type(error).__name__}: {reason}; this is a defect of fit-material, --debug shows where"
+
+
+def _stderr(text: str) -> None:
+    try:
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+    except OSError:
+        pass  # nobody listens
+
+
+def _discard_stdout() -> None:
+    """What is still to be written, also by the interpreter at its end, goes nowhere."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(devnull, sys.stdout.fileno())
+    except (OSError, ValueError):
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123  # lives as long as the process
+    finally:
+        os.close(devnull)
