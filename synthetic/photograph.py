@@ -18,6 +18,7 @@ from .scenes import exposed, write_scene_toml
 from .shade import highlight_normal, specular_colour
 
 Format = Literal["dng", "exr", "png"]
+_COMMENT = "What is known of the photograph beside this file: irradiance and noise in the image's units."
 _PX_PER_MM = 166.7  # 6 micrometre pixels: turns the focal length into the millimetres of the EXIF
 
 
@@ -68,7 +69,7 @@ def render_photograph(
     else:
         clipped = _write_rgb(Path(path), picture, factor, noise, format, rng)
     if sidecar:
-        write_scene_toml(Path(f"{path}.toml"), seen, rounded)
+        write_scene_toml(Path(f"{path}.toml"), seen, rounded, comment=_COMMENT)
     return truth(seen, material, rounded) | {"exposure": factor, "seed": seed, "clipped": clipped}
 
 
