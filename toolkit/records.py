@@ -142,7 +142,19 @@ class Sphere:
 class Light(Protocol):
     """One kind of light; each lives in its own file of `toolkit.geometry.lights`."""
 
-    kind: str
+    @property
+    def kind(self) -> str: ...  # its name in the scene file
+
+    @property
+    def angular_radius_deg(self) -> float: ...  # as seen from the sphere's centre
+
+    @property
+    def irradiance(self) -> tuple[float, float, float] | None: ...  # at the centre; None: not known
+
+    @property
+    def direction(self) -> tuple[float, float, float]:
+        """Unit vector from the sphere's centre towards the light."""
+        ...
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Unit directions towards the light (N, 3) and irradiance on a facing plane (N, 3) at `points`.
@@ -159,7 +171,7 @@ class Scene:
 
     camera: Camera
     sphere: Sphere
-    lights: tuple[Any, ...]  # of Light
+    lights: tuple[Light, ...]
     light_source: Literal["given", "estimated"] = "given"
     scale: Literal["absolute", "relative"] = "relative"
 

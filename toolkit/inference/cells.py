@@ -1,11 +1,12 @@
 """From a million samples to some ten thousand cells: the data that every fit works on.
 
-A cell is a square block of samples of one plane, small against everything that a lobe does there: no wider than
-`SMOOTH_RAD` anywhere, and near a highlight no wider than a sixteenth of the angle to its centre. Its value is the
-plain mean of its samples, so nothing of it depends on a model or on weights. A model predicts that mean as its own
-mean over four nodes, which have the cell's second moments (the samples' places and the pixel's own box, Gauss's
-two-point rule along each axis): the error is of fourth order in the cell's width. Averaging loses no accuracy, only
-the little information that varied inside a cell. Cost: one pass over the samples, whatever the number of lights.
+A cell is a square block of samples, small against everything that a lobe does there: no wider than `SMOOTH_RAD`
+anywhere, and near a highlight no wider than a tenth of the angle to its centre. Its value is the plain mean of its
+samples, so nothing of it depends on a model or on weights. A model predicts that mean as a weighted mean over four
+nodes, which share the samples' first and second moments (their places and the pixel's own box; Gauss's two-point rule
+along each axis). Averaging adds no bias that matters, and loses only the little information that varied inside a cell.
+The four planes of a mosaic share their cells: a channel's place in the 2 x 2 quad is in its nodes' weights.
+Cost: one pass over the samples, whatever the number of lights.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from numpy.typing import NDArray
 from toolkit.geometry.sphere import surface
 from toolkit.records import Floats, LinearImage, Plane, Scene, readonly
 
-SMOOTH_RAD = 0.04  # widest cell, as the angle its normals span
-SHARPNESS = 1 / 16  # width of a cell over the angle to the highlight's centre
+SMOOTH_RAD = 0.06  # widest cell, as the angle its normals span
+SHARPNESS = 1 / 10  # width of a cell over the angle to the highlight's centre
 MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncertain to be of use
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline
+
+SIDE_X = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]  # the nodes' places about a cell's centre, in spreads
+SIDE_Y = np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,9 +36,14 @@ class ChannelCells:
     rows: NDArray[np.intp]  # (n,)
     value: Floats  # (n,), mean radiance
     count: Floats  # (n,), samples averaged
+    weights: Floats  # (4, n), of the nodes, summing to 1
 
     def __post_init__(self) -> None:
         readonly(self)
+
+    def picked(self, there: NDArray[np.bool_], rows: NDArray[np.intp]) -> ChannelCells:
+        """Some of the cells, at new places."""
+        return ChannelCells(rows=rows, value=self.value[there], count=self.count[there], weights=self.weights[:, there])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,7 +52,7 @@ class Cells:
 
     x_px: Floats  # (N,)
     y_px: Floats  # (N,)
-    spread_px: Floats  # (N,), sd of the places inside a cell along each axis, the pixel's box included
+    spread_px: Floats  # (N,), of the nodes about the centre along each axis
     channels: tuple[ChannelCells, ChannelCells, ChannelCells]
 
     def __post_init__(self) -> None:
@@ -51,9 +60,34 @@ class Cells:
 
     def nodes(self) -> tuple[Floats, Floats]:
         """Pixel coordinates x, y of the four nodes of every cell, each (4, N)."""
-        dx = np.array([-1.0, 1.0, -1.0, 1.0])[:, None] * self.spread_px
-        dy = np.array([-1.0, -1.0, 1.0, 1.0])[:, None] * self.spread_px
-        return self.x_px + dx, self.y_px + dy
+        return self.x_px + SIDE_X * self.spread_px, self.y_px + SIDE_Y * self.spread_px
+
+    def thinned(self, every: int) -> Cells:
+        """One cell in `every`, for a first search."""
+        kept = np.arange(0, len(self.x_px), every)
+        place = np.full(len(self.x_px), -1)
+        place[kept] = np.arange(len(kept))
+        red, green, blue = (
+            data.picked(place[data.rows] >= 0, place[data.rows][place[data.rows] >= 0]) for data in self.channels
+        )
+        return Cells(
+            x_px=self.x_px[kept],
+            y_px=self.y_px[kept],
+            spread_px=self.spread_px[kept],
+            channels=(red, green, blue),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Grid:
+    """The image's samples as one grid of pixels or quads: per channel the mean value, and whether any is flagged."""
+
+    value: Floats  # (3, h, w)
+    bad: NDArray[np.bool_]  # (3, h, w)
+    samples: tuple[int, int, int]  # of each channel in one pixel or quad
+    first: tuple[Floats, Floats, Floats]  # per channel, mean place x, y about the centre, and mean of x y
+    origin_px: tuple[float, float]
+    step_px: int
 
 
 def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cells:
@@ -62,77 +96,80 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     `finest_rad` is the smallest angular scale of a lobe that the cells must resolve. Samples that are flagged, in
     shadow or at the limb take no part.
     """
-    parts = [_group(planes, scene, finest_rad) for planes in _same_grid(image.planes)]
-    x, y, spread = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    start = np.cumsum([0] + [len(part[0]) for part in parts])
-    channels = []
-    for channel in range(3):
-        rows, value, count = [], [], []
-        for first, (px, _, _, numbers, means, counts) in zip(start, parts, strict=False):
-            for i in np.flatnonzero(np.asarray(numbers) == channel):
-                good = counts[i] > 0
-                rows.append(first + np.arange(len(px))[good])
-                value.append(means[i][good])
-                count.append(counts[i][good])
-        channels.append(
-            ChannelCells(
-                rows=np.concatenate(rows or [np.zeros(0, np.intp)]),
-                value=np.concatenate(value or [np.zeros(0)]),
-                count=np.concatenate(count or [np.zeros(0)]),
-            )
-        )
-    return Cells(x_px=x, y_px=y, spread_px=spread, channels=(channels[0], channels[1], channels[2]))
-
-
-Part = tuple[Floats, Floats, Floats, list[int], list[Floats], list[Floats]]
-
-
-def _same_grid(planes: tuple[Plane, ...]) -> list[list[Plane]]:
-    """Planes that share their places, an RGB image's three, share their cells as well."""
-    groups: dict[tuple[object, ...], list[Plane]] = {}
-    for plane in planes:
-        groups.setdefault((plane.origin_px, plane.step_px, plane.values.shape), []).append(plane)
-    return list(groups.values())
-
-
-def _group(planes: list[Plane], scene: Scene, finest_rad: float) -> Part:
-    """Cells of planes on one grid: coarsest blocks first, each kept where it is small and whole, else divided."""
-    plane = planes[0]
-    step, (x0, y0) = plane.step_px, plane.origin_px
-    levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
-    sums, spoiled = _pyramid(planes, levels)
+    grid = _grid(image.planes)
+    levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / grid.step_px, 1.0))), 0)
+    sums, spoiled = _pyramid(grid, levels)
     open_blocks = np.ones(sums[levels].shape[1:], bool)
-    found: list[Part] = []
+    x, y, size, means, good = [], [], [], [], []
     for level in range(levels, -1, -1):
         row, column = np.nonzero(open_blocks)
-        size = 2**level
-        x = x0 + step * (column * size + (size - 1) / 2)
-        y = y0 + step * (row * size + (size - 1) / 2)
-        allowed, usable, hopeless = _allowed_px(scene, x, y, size * step, finest_rad)
+        side = 2**level
+        bx = grid.origin_px[0] + grid.step_px * (column * side + (side - 1) / 2)
+        by = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
+        allowed, usable, hopeless = _allowed_px(scene, bx, by, side * grid.step_px, finest_rad)
         bad = spoiled[level][:, row, column]
-        keep = usable if level == 0 else usable & (size * step <= allowed) & ~bad.any(axis=0)
-        spread = np.full(keep.sum(), np.sqrt((step**2 * (size**2 - 1) + 1.0) / 12.0))
-        means = [total[row[keep], column[keep]] / size**2 for total in sums[level]]
-        counts = [np.where(b[keep], 0.0, float(size**2)) for b in bad]
-        found.append((x[keep], y[keep], spread, [p.channel for p in planes], means, counts))
+        keep = usable if level == 0 else usable & (side * grid.step_px <= allowed) & ~bad.any(axis=0)
+        x.append(bx[keep])
+        y.append(by[keep])
+        size.append(np.full(int(keep.sum()), float(side)))
+        means.append(sums[level][:, row[keep], column[keep]] / side**2)
+        good.append(~bad[:, keep])
         if level:
             divide = ~keep & ~hopeless
             open_blocks = np.zeros(open_blocks.shape, bool)
             open_blocks[row[divide], column[divide]] = True
             open_blocks = open_blocks.repeat(2, axis=0).repeat(2, axis=1)
-    join = [np.concatenate([part[i] for part in found]) for i in range(3)]
-    means = [np.concatenate([part[4][i] for part in found]).astype(float) for i in range(len(planes))]
-    counts = [np.concatenate([part[5][i] for part in found]) for i in range(len(planes))]
-    return join[0], join[1], join[2], [p.channel for p in planes], means, counts
+    return _cells(grid, *(np.concatenate(part, axis=-1) for part in (x, y, size, means, good)))
 
 
-def _pyramid(planes: list[Plane], levels: int) -> tuple[list[Floats], list[NDArray[np.bool_]]]:
-    """Sums of 1, 2 x 2, 4 x 4 ... samples (C, h, w), and whether any of them is flagged; padded by flagged samples."""
-    size = 2**levels
-    height, width = planes[0].values.shape
-    pad = ((0, -height % size), (0, -width % size))
-    total = np.stack([np.pad(np.where(p.flags == 0, p.values, 0.0), pad) for p in planes])
-    bad = np.stack([np.pad(p.flags != 0, pad, constant_values=True) for p in planes])
+def _cells(grid: _Grid, x: Floats, y: Floats, size: Floats, means: Floats, good: NDArray[np.bool_]) -> Cells:
+    within = ((grid.step_px - 1) / 2) ** 2  # second moment of a channel's samples about the quad's centre
+    spread = np.sqrt((grid.step_px**2 * (size**2 - 1) + 1.0) / 12.0 + within)
+    channels = []
+    for c in range(3):
+        rows = np.flatnonzero(good[c])
+        sx, sy, sxy = grid.first[c]
+        s = spread[rows]
+        weights = 0.25 * (1.0 + SIDE_X * sx / s + SIDE_Y * sy / s + SIDE_X * SIDE_Y * sxy / s**2)
+        count = grid.samples[c] * size[rows] ** 2
+        channels.append(ChannelCells(rows=rows, value=means[c, rows].astype(float), count=count, weights=weights))
+    return Cells(x_px=x, y_px=y, spread_px=spread, channels=(channels[0], channels[1], channels[2]))
+
+
+def _grid(planes: tuple[Plane, ...]) -> _Grid:
+    """One grid of all planes: an RGB image's pixels, or a mosaic's quads."""
+    height = min(plane.values.shape[0] for plane in planes)
+    width = min(plane.values.shape[1] for plane in planes)
+    step = planes[0].step_px
+    corner = np.min([plane.origin_px for plane in planes], axis=0)
+    centre = corner + (step - 1) / 2
+    value, bad, samples, first = np.zeros((3, height, width), np.float32), np.zeros((3, height, width), bool), [], []
+    for c in range(3):
+        mine = [plane for plane in planes if plane.channel == c]
+        for plane in mine:
+            flagged = plane.flags[:height, :width] != 0
+            value[c] += np.where(flagged, np.float32(0), plane.values[:height, :width]) / np.float32(len(mine))
+            bad[c] |= flagged
+        x, y = (np.array([plane.origin_px for plane in mine]) - centre).T
+        samples.append(len(mine))
+        first.append(np.array([x.mean(), y.mean(), (x * y).mean()]))
+    return _Grid(
+        value=value,
+        bad=bad,
+        samples=(samples[0], samples[1], samples[2]),
+        first=(first[0], first[1], first[2]),
+        origin_px=(float(centre[0]), float(centre[1])),
+        step_px=step,
+    )
+
+
+def _pyramid(grid: _Grid, levels: int) -> tuple[list[Floats], list[NDArray[np.bool_]]]:
+    """Sums of 1, 2 x 2, 4 x 4 ... pixels (3, h, w), and whether any of them is flagged; padded by flagged ones."""
+    block = 2**levels
+    height, width = grid.value.shape[1:]
+    pad = ((0, 0), (0, -height % block), (0, -width % block))
+    total: Floats = np.pad(grid.value, pad)
+    bad = np.pad(grid.bad, pad, constant_values=True)
     sums, spoiled = [total], [bad]
     for _ in range(levels):
         total = total[:, ::2] + total[:, 1::2]

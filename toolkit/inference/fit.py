@@ -22,7 +22,9 @@ from .normal import Layout, Normal, Prior, assemble, bounded, lay_out, solve
 GRID = 14  # shapes tried along a single shape number before the descent begins
 DESCENTS = 2  # how many of them are descended from
 STEPS = 25
-ROUNDS = 3  # of new weights
+ROUNDS = 4  # of new weights, at most
+STANDS_SD = 0.01  # sds by which new weights may still move the shape
+SEARCH_CELLS = 1500  # enough to tell where to begin
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 
@@ -45,8 +47,13 @@ class Problem:
         return columns(self.model, self.fresnel, self.lights, self.cells, u, derivatives=derivatives)
 
     def assemble(self, cols: tuple[Columns, ...], weights: tuple[Floats, ...], at: Floats | None = None) -> Normal:
-        """The normal equations for columns already evaluated."""
-        return assemble(cols, self.cells, weights, self.layout, self.prior, self.extras, at)
+        """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
+        normal = assemble(cols, self.cells, weights, self.layout, self.prior, self.extras, at)
+        if at is not None:
+            low, high = self.model.bounds()
+            shapes = np.arange(self.layout.size, len(normal.rhs))
+            normal.matrix[shapes, shapes] += 12.0 / (high - low) ** 2
+        return normal
 
     def predict(self, cols: tuple[Columns, ...], x: Floats) -> tuple[Floats, ...]:
         """Radiance per channel on the cells."""
@@ -127,21 +134,50 @@ def _prior(
     return Prior(precision=precision, centre=centre, low=low, high=high)
 
 
-def fit(problem: Problem, *, start: Floats | None = None) -> Optimum:
-    """The optimum of a problem; `start` spares the search where a neighbouring optimum is known."""
-    weights = _weights(problem, tuple(data.value for data in problem.cells.channels))
-    best: Optimum | None = None
-    starts = [start] if start is not None else _search(problem, weights)
-    for u in starts:
-        found = _descend(problem, u, weights)
-        if best is None or found.chi2 < best.chi2:
-            best = found
-    if best is None:
-        raise ValueError("a fit needs at least one start")
+def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
+    """The optimum of a problem; `start`, of a neighbouring problem on the same cells, spares the search."""
+    if start is None:
+        weights = _weights(problem, tuple(data.value for data in problem.cells.channels))
+        here = _descend(problem, _search(problem), weights)
+    else:
+        here = _descend(problem, start.u, start.weights)
     for _ in range(ROUNDS):
-        predicted = problem.predict(problem.columns(best.u), best.x)
-        best = _descend(problem, best.u, _weights(problem, predicted))
-    return best
+        predicted = problem.predict(problem.columns(here.u), here.x)
+        before, here = here, _descend(problem, here.u, _weights(problem, predicted))
+        if len(here.u) == 0 or np.all(np.abs(here.u - before.u) <= STANDS_SD * _shape_sd(here.joint, problem)):
+            break
+    return here
+
+
+def _search(problem: Problem) -> Floats:
+    """The shape to begin from: the best of a coarse grid and of the descents from it, on a few of the cells."""
+    if not problem.model.parameters:
+        return np.zeros(0)
+    cells = problem.cells.thinned(max(len(problem.cells.x_px) // SEARCH_CELLS, 1))
+    few = pose(problem.model, problem.scene, cells, problem.noise)
+    weights = _weights(few, tuple(data.value for data in cells.channels))
+    tried = []
+    for u in _grid(problem.model):
+        normal = few.assemble(few.columns(u), weights)
+        x, _ = bounded(normal.matrix, normal.rhs, few.prior)
+        tried.append((normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs), u))
+    tried.sort(key=lambda pair: pair[0])
+    found = [_descend(few, u, weights) for _, u in tried[:DESCENTS]]
+    return min(found, key=lambda optimum: optimum.chi2).u
+
+
+def _grid(model: Model) -> list[Floats]:
+    """Shapes spread over the box: evenly along a single number, else the products of the lobes' own starts."""
+    low, high = model.bounds()
+    if len(low) == 1:
+        return [np.array([v]) for v in np.linspace(low[0], high[0], GRID + 2)[1:-1]]
+    starts = [[np.log(s) if p.log else s for s in p.starts] for p in model.parameters]
+    return [np.array(point) for point in product(*starts)]
+
+
+def _shape_sd(joint: Floats, problem: Problem) -> Floats:
+    """Sd of each shape number were everything else known: a yardstick for steps."""
+    return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(joint)[problem.layout.size :], 1e-300)))
 
 
 def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> tuple[Floats, ...]:
@@ -152,53 +188,28 @@ def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> tuple[Floats, .
     )
 
 
-def _search(problem: Problem, weights: tuple[Floats, ...]) -> list[Floats]:
-    """The most promising shapes of a coarse grid, best first."""
-    parameters = problem.model.parameters
-    low, high = problem.model.bounds()
-    if not parameters:
-        return [np.zeros(0)]
-    if len(parameters) == 1:
-        grid = [np.linspace(low[0], high[0], GRID + 2)[1:-1]]
-    else:
-        grid = [np.array([np.log(s) if p.log else s for s in p.starts]) for p in parameters]
-    tried = []
-    for point in product(*grid):
-        u = np.array(point)
-        normal = problem.assemble(problem.columns(u), weights)
-        x, _ = bounded(normal.matrix, normal.rhs, problem.prior)
-        tried.append((normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs), u))
-    tried.sort(key=lambda pair: pair[0])
-    return [u for _, u in tried[:DESCENTS]]
-
-
 def _descend(problem: Problem, u: Floats, weights: tuple[Floats, ...]) -> Optimum:
-    """Gauss-Newton in the shape with everything else projected out; halved steps where one would climb."""
+    """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
     low, high = problem.model.bounds()
     u = np.clip(u, low, high)
     here = _project(problem, u, weights)
     status = f"not converged after {STEPS} steps"
-    for _ in range(STEPS):
-        joint = problem.assemble(here.columns, weights, here.x)
-        step = _shape_step(joint, here.on_bound, u, low, high)
-        if not len(step):
-            status = "converged"
-            break
-        sd = 1.0 / np.sqrt(np.maximum(np.diag(joint.matrix)[problem.layout.size :], 1e-300))
-        factor, there, v = 1.0, here, u
-        while factor > 1e-4:
-            v = np.clip(u + factor * step, low, high)
-            there = _project(problem, v, weights)
-            if there.chi2 <= here.chi2 + 1e-9 * abs(here.chi2):
-                break
-            factor *= 0.4
-        small = bool(np.all(np.abs(v - u) <= np.maximum(1e-3 * sd, 1e-9)))
-        if there.chi2 <= here.chi2 + 1e-9 * abs(here.chi2):
-            u, here = v, there
-        if small or factor <= 1e-4:
-            status = "converged"
-            break
     joint = problem.assemble(here.columns, weights, here.x)
+    for _ in range(STEPS):
+        step = _shape_step(joint, here.on_bound, u, low, high)
+        wanted = np.clip(u + step, low, high) - u
+        if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * _shape_sd(joint.matrix, problem), 1e-9)):
+            status = "converged"
+            break
+        for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
+            there = _project(problem, np.clip(u + factor * step, low, high), weights)
+            if there.chi2 < here.chi2:
+                break
+        else:  # nothing lower along the step: as good as it gets
+            status = "converged"
+            break
+        u, here = np.clip(u + factor * step, low, high), there
+        joint = problem.assemble(here.columns, weights, here.x)
     resting = np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)])
     return Optimum(
         problem=problem,

@@ -45,9 +45,10 @@ def _predict(fit: Fit, x_px: Floats, y_px: Floats) -> tuple[Floats, Floats]:
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
     diffuse, specular = np.zeros((len(x_px), 3)), np.zeros((len(x_px), 3))
     for lit in lit_by(fit.scene, x_px, y_px):
-        diffuse += lit.irradiance * body.value(lit.cosines, numbers[1])[:, None] * fit.colours["diffuse_albedo"]
+        irradiance = lit.falloff[:, None] * lit.colour
+        diffuse += irradiance * body.value(lit.cosines, numbers[1])[:, None] * fit.colours["diffuse_albedo"]
         value = gloss.value(lit.cosines, numbers[0], fit.variant)[:, None]
-        specular += lit.irradiance * value * specular_colour(fit, lit)
+        specular += irradiance * value * specular_colour(fit, lit)
     return diffuse, specular
 
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit.geometry.sphere import surface
-from toolkit.records import Floats, Scene
+from toolkit.geometry.sphere import Surface, surface
+from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance.cosines import Cosines
 from toolkit.reflectance.lobe import LOBES, Lobe, Parameter
 
-from .cells import Cells
+from .cells import Cells, ChannelCells
 
 IDENTIFYING_SPREAD = 0.02  # spread of Schlick's s over the highlights from which F0 and strength come apart
 TYPICAL_F0 = 0.04  # of a dielectric of index 1.5; shapes F(theta_d) where F0 itself is not identified
@@ -61,26 +61,30 @@ class Model:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lit:
-    """What one light does at a set of surface points: cosines (...), irradiance (..., 3), Schlick's s (...)."""
+    """What one light does at surface points: cosines (...), irradiance as colour (3,) x falloff (...), Schlick's s."""
 
     cosines: Cosines
-    irradiance: Floats
+    colour: Floats
+    falloff: Floats
     schlick: Floats
 
 
 def lit_by(scene: Scene, x_px: Floats, y_px: Floats) -> tuple[Lit, ...]:
     """The geometry of every light at pixel coordinates of any shape."""
     seen = surface(scene.camera, scene.sphere, x_px, y_px)
-    result = []
-    for light in scene.lights:
-        towards, irradiance = light.at(seen.normal)
-        cosines = Cosines.of(
-            seen.normal, towards, seen.view, source_radius_rad=float(np.radians(light.angular_radius_deg))
-        )
-        result.append(
-            Lit(cosines=cosines, irradiance=irradiance, schlick=np.asarray((1.0 - cosines.l_dot_h) ** 5, float))
-        )
-    return tuple(result)
+    return tuple(_lit(light, seen) for light in scene.lights)
+
+
+def _lit(light: Light, seen: Surface) -> Lit:
+    towards, irradiance = light.at(seen.normal)
+    colour = light.at(np.zeros((1, 3)))[1][0]  # at the sphere's centre
+    cosines = Cosines.of(seen.normal, towards, seen.view, source_radius_rad=float(np.radians(light.angular_radius_deg)))
+    return Lit(
+        cosines=cosines,
+        colour=np.asarray(colour),
+        falloff=irradiance[..., 0] / colour[0],
+        schlick=np.asarray((1.0 - cosines.l_dot_h) ** 5),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,12 +111,12 @@ def fresnel_of(model: Model, scene: Scene) -> Fresnel:
     return Fresnel(kind=kind, reference_s=at_mirror[0])
 
 
-def mirror_schlick(scene: Scene, light: object) -> float:
+def mirror_schlick(scene: Scene, light: Light) -> float:
     """Schlick's s where the normal halves light and view: at the centre of the highlight."""
     normal = np.array([0.0, 0.0, 1.0])
     view = view_of_centre(scene)
     for _ in range(30):
-        towards, _ = light.at(normal[None])  # type: ignore[attr-defined]  # a toolkit.records.Light
+        towards, _ = light.at(normal[None])
         normal = towards[0] + view
         normal /= np.linalg.norm(normal)
     return float((1.0 - towards[0] @ normal) ** 5)
@@ -151,25 +155,43 @@ def columns(
     """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N)."""
     shape = model.natural(u)
     sharp, soft = model.split(shape)
-    scale = [s if p.log else 1.0 for p, s in zip(model.parameters, shape, strict=True)]
-    tables = [_mixed(lights, fresnel, [_Lobes(lit).value(model, sharp, soft) for lit in lights])]
+    tables = [[_terms(lit, fresnel, *_Lobes(lit).value(model, sharp, soft)) for lit in lights]]
     if derivatives:
         gradients = [_Lobes(lit).gradient(model, sharp, soft) for lit in lights]
-        for j, factor in enumerate(scale):
-            tables.append(_mixed(lights, fresnel, [(g[j][0] * factor, g[j][1] * factor) for g in gradients]))
-    result = []
-    for c, data in enumerate(cells.channels):
-        picked = [(np.stack([col[c][data.rows] for col in t[0]], axis=1), t[1][c][data.rows]) for t in tables]
-        ones = np.ones((len(data.rows), 1))
-        result.append(
-            Columns(
-                matrix=np.hstack([picked[0][0], ones]),
-                offset=picked[0][1],
-                d_matrix=tuple(np.hstack([m, 0.0 * ones]) for m, _ in picked[1:]),
-                d_offset=tuple(o for _, o in picked[1:]),
+        for j, (number, p) in enumerate(zip(shape, model.parameters, strict=True)):
+            factor = number if p.log else 1.0
+            tables.append(
+                [
+                    _terms(lit, fresnel, *(factor * part for part in g[j]))
+                    for lit, g in zip(lights, gradients, strict=True)
+                ]
             )
-        )
-    return result[0], result[1], result[2]
+    colours = [lit.colour for lit in lights]
+    red, green, blue = (_channel(tables, colours, data, c) for c, data in enumerate(cells.channels))
+    return red, green, blue
+
+
+def _channel(tables: list[list[list[Floats]]], colours: list[Floats], data: ChannelCells, channel: int) -> Columns:
+    """One channel's columns: each term's weighted mean over the cells' nodes, summed over the lights."""
+    mixed = [
+        [
+            np.asarray(
+                sum(
+                    colour[channel] * np.einsum("kn,kn->n", data.weights, term[:, data.rows])
+                    for colour, term in zip(colours, terms, strict=True)
+                )
+            )
+            for terms in zip(*table, strict=True)
+        ]
+        for table in tables
+    ]
+    ones = np.ones(len(data.rows))
+    return Columns(
+        matrix=np.stack([*mixed[0][1:], ones], axis=1),
+        offset=mixed[0][0],
+        d_matrix=tuple(np.stack([*m[1:], 0.0 * ones], axis=1) for m in mixed[1:]),
+        d_offset=tuple(m[0] for m in mixed[1:]),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,27 +211,15 @@ class _Lobes:
         return specular + [(g, zero) for g in model.diffuse.derivative(cosines, soft)]
 
 
-def _mixed(
-    lights: tuple[Lit, ...], fresnel: Fresnel, lobes: list[tuple[Floats, Floats]]
-) -> tuple[list[list[Floats]], list[Floats]]:
-    """Per column and channel the mean over each cell's nodes, summed over the lights; and the known offset."""
-
-    def mean(weights: list[Floats]) -> list[Floats]:
-        return [
-            np.asarray(sum(np.mean(lit.irradiance[..., c] * w, axis=0) for lit, w in zip(lights, weights, strict=True)))
-            for c in range(3)
-        ]
-
-    s = [lit.schlick for lit in lights]
-    diffuse, specular = mean([d for d, _ in lobes]), [g for _, g in lobes]
-    nothing = [np.zeros_like(diffuse[0])] * 3
+def _terms(lit: Lit, fresnel: Fresnel, diffuse: Floats, specular: Floats) -> list[Floats]:
+    """At the nodes (4, N): what has a known coefficient first, then one table for each coefficient."""
+    diffuse, specular, s = diffuse * lit.falloff, specular * lit.falloff, lit.schlick
+    nothing = np.zeros_like(diffuse)
     if fresnel.kind == "none":
-        return [diffuse, mean(specular)], nothing
+        return [nothing, diffuse, specular]
     if fresnel.kind == "strength":
-        reference = TYPICAL_F0 + (1 - TYPICAL_F0) * fresnel.reference_s
-        ratio = [(TYPICAL_F0 + (1 - TYPICAL_F0) * si) / reference for si in s]
-        return [diffuse, mean([g * r for g, r in zip(specular, ratio, strict=True)])], nothing
-    low, high = (mean([g * f for g, f in zip(specular, fs, strict=True)]) for fs in ([1 - si for si in s], s))
+        ratio = (TYPICAL_F0 + (1 - TYPICAL_F0) * s) / (TYPICAL_F0 + (1 - TYPICAL_F0) * fresnel.reference_s)
+        return [nothing, diffuse, specular * ratio]
     if fresnel.kind == "known":
-        return [diffuse, low], high
-    return [diffuse, low, high], nothing
+        return [specular * s, diffuse, specular * (1 - s)]
+    return [nothing, diffuse, specular * (1 - s), specular * s]

@@ -115,7 +115,7 @@ def solve(matrix: Floats, rhs: Floats) -> Floats:
     scaled = matrix * scale[:, None] * scale
     try:
         factor = scipy.linalg.cho_factor(scaled + 1e-13 * np.eye(len(scale)))
-        result = scipy.linalg.cho_solve(factor, (rhs.T * scale).T)
+        result: Floats = scipy.linalg.cho_solve(factor, (rhs.T * scale).T)
     except scipy.linalg.LinAlgError:
         result = np.linalg.lstsq(scaled, (rhs.T * scale).T, rcond=1e-12)[0]
     return np.asarray((result.T * scale).T)

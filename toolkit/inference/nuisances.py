@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from toolkit.records import Floats, Scene, Sphere
+from toolkit.records import Floats, Light, Scene, Sphere
 
 from .cells import Cells
 from .fit import Optimum, Problem, fit, pose
@@ -20,7 +20,7 @@ from .model import columns, lit_by
 
 DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
-RELATIVE_STEP = 0.05  # of the prior's sd, for the central differences
+RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
 ROUNDS = 4
 SETTLED_SD = 0.1  # posterior sds by which the scene may still move
 
@@ -100,11 +100,11 @@ def shifted(scene: Scene, shifts: Shifts, values: Floats) -> Scene:
     return replace(scene, lights=lights, sphere=moved)
 
 
-def _shift_light(light: object, index: int, by_name: dict[str, float]) -> object:
+def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
     prefix = f"light{index}."
     if not any(name.startswith(prefix) for name in by_name):
         return light
-    direction: Floats = np.array(light.direction, np.float64)  # type: ignore[attr-defined]  # every kind has one
+    direction: Floats = np.array(light.direction, np.float64)
     position = getattr(light, "position", None)
     nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
     across, along = tangents(direction)
@@ -113,11 +113,11 @@ def _shift_light(light: object, index: int, by_name: dict[str, float]) -> object
     )
     turned /= np.linalg.norm(turned)
     return ShiftedLight(
-        kind=light.kind,  # type: ignore[attr-defined]  # every kind has one
+        kind=light.kind,
         direction=(float(turned[0]), float(turned[1]), float(turned[2])),
         nearness=nearness + by_name.get(prefix + "nearness_per_radius", 0.0),
-        irradiance=light.irradiance,  # type: ignore[attr-defined]  # every kind has one
-        angular_radius_deg=light.angular_radius_deg,  # type: ignore[attr-defined]  # every kind has one
+        irradiance=light.irradiance,
+        angular_radius_deg=light.angular_radius_deg,
     )
 
 
@@ -150,7 +150,7 @@ def fit_with_shifts(
             extras_precision=prior,
             extras_centre=-total,
         )
-        optimum = fit(linear, start=optimum.u)
+        optimum = fit(linear, start=optimum)
         moved = optimum.x[len(linear.layout.names) :]
         total = total + moved
         sd = 1.0 / np.sqrt(np.diag(optimum.joint)[len(linear.layout.names) : linear.layout.size])
@@ -160,17 +160,19 @@ def fit_with_shifts(
 
 
 def sensitivity(optimum: Optimum, scene: Scene, shifts: Shifts, total: Floats, cells: Cells) -> tuple[Floats, ...]:
-    """Per channel, the change of the predicted radiance with each shift (n, q), by central differences."""
-    problem = optimum.problem
-    found: list[list[Floats]] = [[], [], []]
-    for j in range(len(shifts.names)):
-        step = np.zeros(len(total))
-        step[j] = RELATIVE_STEP * shifts.sd[j]
-        sides = []
-        for sign in (1.0, -1.0):
-            lights = lit_by(shifted(scene, shifts, total + sign * step), *cells.nodes())
-            cols = columns(problem.model, problem.fresnel, lights, cells, optimum.u)
-            sides.append([c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, problem.layout.index, strict=True)])
-        for channel in range(3):
-            found[channel].append((sides[0][channel] - sides[1][channel]) / (2 * step[j]))
-    return tuple(np.stack(f, axis=1) for f in found)
+    """Per channel, the change of the predicted radiance with each shift (n, q), by differences."""
+    problem, nodes = optimum.problem, cells.nodes()
+
+    def predicted(values: Floats) -> list[Floats]:
+        cols = columns(problem.model, problem.fresnel, lit_by(shifted(scene, shifts, values), *nodes), cells, optimum.u)
+        return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, problem.layout.index, strict=True)]
+
+    here = predicted(total)
+    steps = np.diag(RELATIVE_STEP * shifts.sd)
+    there = [predicted(total + step) for step in steps]
+    return tuple(
+        np.stack(
+            [(moved[c] - here[c]) / step[j] for j, (moved, step) in enumerate(zip(there, steps, strict=True))], axis=1
+        )
+        for c in range(3)
+    )

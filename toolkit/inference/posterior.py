@@ -18,7 +18,7 @@ WALKERS = 64
 CHAINS = 4  # groups of walkers, as the draws are stored
 LENGTHS = 50  # autocorrelation times that a chain must last
 MOST_STEPS = 20_000
-BLOCK = 250  # steps between two looks at the chain
+BLOCK = 100  # steps between two looks at the chain
 
 Progress = Callable[[str, float], None]
 
@@ -84,7 +84,7 @@ def _walk(
         moves=[(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)],
     )
     state = emcee.State(begin, random_state=np.random.RandomState(seed).get_state())
-    state = sampler.run_mcmc(state, BLOCK // 2)
+    state = sampler.run_mcmc(state, BLOCK)
     sampler.reset()
     tau, enough = np.inf, False
     while not enough and sampler.iteration < MOST_STEPS:

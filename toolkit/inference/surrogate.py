@@ -19,9 +19,10 @@ from .fit import Optimum
 from .normal import inverse, solve
 
 REACH_SD = 8.0
-TOLERANCE = 0.003  # of the log density, wherever it is within DEPTH of its maximum
-DEPTH = 20.0
-NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (7, 11, 17), 3: (5, 7, 9)}
+TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
+DEPTH = 12.0
+SHORTENINGS = 6
+NODES = {0: (1,), 1: (7, 13, 25, 49), 2: (5, 7, 11, 17), 3: (5, 7, 9)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,25 +64,37 @@ def _basis(u: Floats, low: Floats, high: Floats, nodes: int) -> Floats:
 
 def surrogate_of(optimum: Optimum) -> Surrogate:
     """Interpolate around an optimum; wider than the bounds nowhere, and as fine as the density asks for."""
-    low, high = optimum.problem.model.bounds()
+    low, high = _box(optimum)
     size = optimum.problem.layout.size
-    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint))[size:], 1e-24))
-    low, high = np.maximum(low, optimum.u - REACH_SD * sd), np.minimum(high, optimum.u + REACH_SD * sd)
-    tests = low + (high - low) * np.random.default_rng(0).uniform(0.2, 0.8, (6 if len(low) else 0, len(low)))
+    tests = low + (high - low) * np.random.default_rng(0).uniform(0.25, 0.75, (4 if len(low) else 0, len(low)))
     truth = np.array([_exact(optimum, u)[0] for u in tests])
-    found: Surrogate | None = None
+    near = truth > truth.max(initial=-np.inf) - DEPTH
     for nodes in NODES[len(low)]:
         found = _interpolate(optimum, low, high, nodes)
-        near = truth > truth.max(initial=-np.inf) - DEPTH
-        error = np.abs(found.log_density(tests) - truth)[near] if len(tests) else np.zeros(1)
-        found = Surrogate(
-            low=low, high=high, nodes=nodes, coefficients=found.coefficients, unknowns=size, error=float(error.max())
-        )
-        if found.error <= TOLERANCE:
+        error = float(np.max(np.abs(found.log_density(tests) - truth)[near], initial=0.0))
+        if error <= TOLERANCE:
             break
-    if found is None:
-        raise ValueError("a surrogate needs at least one node")
-    return found
+    return Surrogate(low=low, high=high, nodes=found.nodes, coefficients=found.coefficients, unknowns=size, error=error)
+
+
+def _box(optimum: Optimum) -> tuple[Floats, Floats]:
+    """Where the density of the shape is not negligible: along each axis to where it has fallen by REACH_SD^2 / 2."""
+    low, high = optimum.problem.model.bounds()
+    covariance = inverse(optimum.joint)[optimum.problem.layout.size :, optimum.problem.layout.size :]
+    top, fall = _exact(optimum, optimum.u)[0], REACH_SD**2 / 2
+    box = [low.copy(), high.copy()]
+    for d in range(len(low)):
+        along = covariance[:, d] / covariance[d, d]
+        for side, (edge, sign) in enumerate(zip((low, high), (-1.0, 1.0), strict=True)):
+            reach = min(REACH_SD * covariance[d, d] ** 0.5, abs(edge[d] - optimum.u[d]))
+            for _ in range(SHORTENINGS):
+                there = np.clip(optimum.u + sign * reach * along, low, high)
+                fallen = top - _exact(optimum, there)[0]
+                if fallen <= 2 * fall:
+                    break
+                reach *= max((fall / fallen) ** 0.5, 0.2)
+            box[side][d] = optimum.u[d] + sign * reach
+    return box[0], box[1]
 
 
 def _interpolate(optimum: Optimum, low: Floats, high: Floats, nodes: int) -> Surrogate:

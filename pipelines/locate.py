@@ -1,0 +1,92 @@
+"""Where the sphere and the lights are: what the settings say, else what the photograph shows."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from toolkit.errors import BadInputError
+from toolkit.flags import Flag
+from toolkit.geometry.lights import DirectionalLight
+from toolkit.geometry.sphere import bounding_box
+from toolkit.records import LinearImage, RawFrame, Scene
+
+from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
+
+FEWEST_RADIUS_PX = 12.0
+ESTIMATED_LIGHT_SD_DEG = 3.0  # at least, of a light read off its own highlight
+
+
+def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tuple[str, ...]]:
+    """The sphere's part of the photograph in linear units, the scene, and what was estimated on the way."""
+    from toolkit.radiometry.linearise import linearise
+
+    height, width = frame.values.shape[:2]
+    camera = camera_of(settings, width_px=width, height_px=height, metadata=frame.metadata)
+    sphere, flags = sphere_of(settings), list[str]()
+    noise, transfer = noise_of_settings(settings), settings.image.transfer
+    if sphere is None:
+        from toolkit.geometry.outline import find_sphere
+        from toolkit.radiometry.quads import quads
+
+        whole = linearise(frame, transfer=transfer, noise=noise)
+        picture = quads(whole)
+        outline = find_sphere(
+            picture.values,
+            origin_px=picture.origin_px,
+            step_px=picture.step_px,
+            noise=whole.noise,
+            camera=camera,
+            flags=picture.flags,
+        )
+        sphere, noise = outline.sphere, whole.noise
+        flags += [Flag.SPHERE_UNCERTAIN] if outline.uncertain else []
+    _check_sphere(sphere.centre_px, sphere.radius_px, width, height)
+    lights = lights_of(settings)
+    known = bool(lights) and all(light.irradiance for light in lights)
+    scale: Literal["absolute", "relative"] = "absolute" if known else "relative"
+    scene = Scene(camera=camera, sphere=sphere, lights=lights, scale=scale)
+    image = linearise(frame, box=bounding_box(scene, width, height), transfer=transfer, noise=noise)
+    if not lights:
+        scene = _estimate_light(image, scene)
+        flags.append(Flag.LIGHT_ESTIMATED)
+    _check_lights(scene)
+    return image, scene, tuple(flags)
+
+
+def _check_sphere(centre_px: tuple[float, float], radius_px: float, width: int, height: int) -> None:
+    x, y = centre_px
+    if radius_px < FEWEST_RADIUS_PX:
+        raise BadInputError(
+            f"sphere.radius_px is {radius_px:.1f}; expected {FEWEST_RADIUS_PX:.0f} px or more: photograph it larger"
+        )
+    if min(x, y, width - 1 - x, height - 1 - y) < 0:
+        raise BadInputError(
+            f"the sphere's centre ({x:.1f}, {y:.1f}) lies outside the {width} x {height} frame; "
+            "expected pixel coordinates, x right and y down from the first pixel"
+        )
+
+
+def _check_lights(scene: Scene) -> None:
+    for light in scene.lights:
+        if light.direction[2] < -0.95:
+            raise BadInputError(
+                f"the light's direction {[round(v, 3) for v in light.direction]} lights the "
+                "far side of the sphere; expected a direction towards the light, z towards the camera"
+            )
+
+
+def _estimate_light(image: LinearImage, scene: Scene) -> Scene:
+    from toolkit.geometry.highlight import light_from_highlight
+    from toolkit.radiometry.quads import quads
+
+    picture = quads(image)
+    found = light_from_highlight(
+        picture.values,
+        sphere=scene.sphere,
+        camera=scene.camera,
+        origin_px=picture.origin_px,
+        step_px=picture.step_px,
+        flags=picture.flags,
+    )
+    light = DirectionalLight(direction=found.direction, direction_sd_deg=max(found.sd_deg, ESTIMATED_LIGHT_SD_DEG))
+    return Scene(camera=scene.camera, sphere=scene.sphere, lights=(light,), light_source="estimated", scale="relative")
