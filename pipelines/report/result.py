@@ -6,11 +6,11 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from toolkit.records import ColourLayers, Estimate, Fit, LinearImage, MaterialReport, Scene
+from toolkit.records import ColourLayers, Estimate, Fit, Light, LinearImage, MaterialReport, Scene
 
 from .text import base_name, clean
 
@@ -89,7 +89,9 @@ def finite(value: object) -> object:
     """Plain JSON values: arrays become lists, numbers are rounded to ten digits, NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
+    if isinstance(value, np.ndarray):
+        return finite(value.tolist())
+    if isinstance(value, list | tuple):
         return [finite(item) for item in value]
     if isinstance(value, bool | np.bool_):
         return bool(value)
@@ -156,15 +158,16 @@ def _lights(scene: Scene, best: Fit | None) -> list[dict[str, Any]]:
     ]
 
 
-def _fields(light: AnyLight) -> dict[str, Any]:
+def _fields(light: Light) -> dict[str, Any]:
     """The light's own registered fields, its direction always among them."""
-    own = light.model_dump()
-    return {"kind": own.pop("kind"), "direction": light.direction, **own}
+    own = cast("AnyLight", light).model_dump()
+    return {"kind": own.pop("kind"), "direction": cast("AnyLight", light).direction, **own}
 
 
-def _fitted(light: AnyLight | None) -> dict[str, Any] | None:
-    if light is None:
+def _fitted(moved: Light | None) -> dict[str, Any] | None:
+    if moved is None:
         return None
+    light = cast("AnyLight", moved)
     place = {"position": light.position} if light.kind == "point" else {}
     return {"direction": light.direction, **place, "sd_deg": light.direction_sd_deg}
 

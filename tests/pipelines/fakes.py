@@ -1,12 +1,12 @@
 """A whole report without a fit: a small glossy ball rendered in numpy, and posteriors drawn around its truth.
 
-`report()` is what the outputs are made from, `predict` stands in for `toolkit.inference.layers.predict`.
+`report()` is what the outputs are made from; `hostile_report()` is the same with strings that want to break out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import surface
+from toolkit.inference.layers import predict
 from toolkit.records import (
     Camera,
     ColourLayers,
@@ -30,6 +31,7 @@ from toolkit.records import (
     Scene,
     Sphere,
 )
+from toolkit.reflectance import LOBES
 
 ALBEDO = np.array([0.62, 0.27, 0.08])
 STRENGTH = np.array([0.041, 0.041, 0.041])
@@ -55,57 +57,13 @@ METADATA = Metadata(
 )
 SHAPES: Mapping[str, tuple[str, str, float]] = {  # model -> name, unit and value of its shape
     "torrance-sparrow": ("roughness_rad", "rad", 0.12),
-    "phong": ("shininess", "1", 16.5),
-    "blinn-phong": ("shininess", "1", 66.0),
-    "beckmann": ("alpha", "1", 0.171),
-    "ggx": ("alpha", "1", 0.118),
+    "phong": ("shininess", "1", 17.5),
+    "blinn-phong": ("shininess", "1", 70.0),
+    "beckmann": ("alpha", "1", 0.168),
+    "ggx": ("alpha", "1", 0.135),
 }
 CHI2 = {"torrance-sparrow": 1.003, "beckmann": 1.041, "blinn-phong": 1.19, "phong": 2.4, "ggx": 1.62}
 CHAINS, DRAWS = 4, 500
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """As `toolkit.inference.layers.Prediction`."""
-
-    diffuse: Floats
-    specular: Floats
-    pedestal: Floats
-
-
-def predict(fit: Fit, x_px: Floats, y_px: Floats) -> Prediction:
-    """Radiance of a fit at pixel coordinates (N,), in the reduced models of this file."""
-    seen = surface(fit.scene.camera, fit.scene.sphere, x_px, y_px)
-    light, irradiance = fit.scene.lights[0].at(seen.normal)
-    lobe = _lobe(fit.model, next(iter(fit.shape.values())), seen.normal, light, seen.view)
-    lit = np.einsum("ni,ni->n", seen.normal, light).clip(0)[:, None]
-    colour = fit.colours.get("specular_strength", fit.colours.get("specular_albedo", np.zeros(3)))
-    return Prediction(
-        diffuse=irradiance * fit.colours["diffuse_albedo"] * lit / np.pi,
-        specular=irradiance * colour * lobe[:, None],
-        pedestal=np.asarray(fit.colours["pedestal"]),
-    )
-
-
-def _lobe(model: str, shape: float, normal: Floats, light: Floats, view: Floats) -> Floats:
-    half = light + view
-    half = half / np.linalg.norm(half, axis=-1, keepdims=True)
-    nl, nv, nh, vh = (
-        np.einsum("ni,ni->n", a, b).clip(1e-6)
-        for a, b in ((normal, light), (normal, view), (normal, half), (view, half))
-    )
-    lit = np.einsum("ni,ni->n", normal, light) > 0
-    theta, cos2 = np.arccos(nh.clip(max=1.0)), nh**2
-    g = np.minimum(1.0, 2 * nh * np.minimum(nv, nl) / vh)
-    mirrored = np.einsum("ni,ni->n", 2 * nl[:, None] * normal - light, view).clip(0)
-    value = {
-        "torrance-sparrow": lambda: np.exp(-((theta / shape) ** 2) / 2) / (2 * np.pi * shape**2) * g / (4 * nv),
-        "beckmann": lambda: np.exp((1 - 1 / cos2) / shape**2) / (np.pi * shape**2 * cos2**2) * g / (4 * nv),
-        "ggx": lambda: shape**2 / (np.pi * (cos2 * (shape**2 - 1) + 1) ** 2) * g / (4 * nv),
-        "phong": lambda: mirrored**shape,
-        "blinn-phong": lambda: nh**shape,
-    }[model]()
-    return np.where(lit, value, 0.0)
 
 
 def scene(width_px: int = 320, height_px: int = 240, *, radius_px: float | None = None) -> Scene:
@@ -129,7 +87,7 @@ def fit(model: str, of: Scene, rng: np.random.Generator, *, draws: int = DRAWS) 
         (name, unit, np.asarray(value), 4e-4, 1e-3),
         ("diffuse_albedo", "1", ALBEDO, 1e-3, 4e-4),
         ("specular_strength" if microfacet else "specular_albedo", "1", strength, 3e-3, 5e-3),
-        ("pedestal", "image", PEDESTAL, 0.1, 0.2),
+        ("pedestal", "image units", PEDESTAL, 0.1, 0.2),
     ]
     chains = {n: v * (1 + s * rng.standard_normal((CHAINS, draws, *v.shape))) for n, _, v, _, s in flat}
     estimates = [_estimate(n, u, v, s / 2.5, chains[n]) for n, u, v, _, s in flat]
@@ -141,7 +99,7 @@ def fit(model: str, of: Scene, rng: np.random.Generator, *, draws: int = DRAWS) 
     blocks = -0.5 * (common + 50 * (CHI2[model] - 1) * rng.gamma(2, 0.5, 64))
     return Fit(
         model=model,
-        variant={"masking": "v-groove"} if microfacet else {},
+        variant=LOBES[model].complete({}),
         diffuse="lambert",
         status="converged",
         flags=() if model == "torrance-sparrow" else (Flag.POOR_FIT,),
@@ -150,6 +108,7 @@ def fit(model: str, of: Scene, rng: np.random.Generator, *, draws: int = DRAWS) 
             "diffuse_albedo": ALBEDO,
             flat[2][0]: strength,
             "pedestal": PEDESTAL,
+            **({"specular_f0": STRENGTH - 0.001} if microfacet else {}),
         },
         chi2_reduced=CHI2[model],
         elpd=float(blocks.sum()),
@@ -163,6 +122,7 @@ def fit(model: str, of: Scene, rng: np.random.Generator, *, draws: int = DRAWS) 
             of,
             lights=(LIGHT.model_copy(update={"direction": (0.4519, 0.3499, 0.8206), "direction_sd_deg": 0.04}),),
         ),
+        nuisances={"light_x_deg": (0.08, 0.03), "centre_x_px": (0.011, 0.006), "radius_px": (-0.004, 0.008)},
     )
 
 
@@ -274,6 +234,8 @@ def separation(of: ModelLayers) -> ColourLayers:
         specular=specular,
         covariance=np.full((*off_plane.shape, 3), 1e-8),
         residual=off_plane,
+        corner=0.8 * np.nanmax(diffuse, axis=(0, 1)),
+        highlight_colour=light,
         origin_px=of.origin_px,
         step_px=of.step_px,
     )

@@ -1,0 +1,49 @@
+"""STEM.layers.exr: the best fit's pictures, on the sphere's box inside the window of the whole image."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.records import Floats, LinearImage, ModelLayers
+
+LAYERS = ("diffuse", "specular", "model", "residual")
+THREADS = 2  # a sphere box of 1333 x 1333 x 12: 0.55 s, with one thread 1.3 s; the bytes are the same
+
+
+def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
+    """Write float32 scan lines, losslessly packed (ZIP); 0 off the sphere. One sample a quad where a mosaic was fitted.
+
+    displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it.
+    """
+    import OpenEXR
+
+    height, width = layers.model.shape[:2]
+    x, y = (round((origin - (layers.step_px - 1) / 2) / layers.step_px) for origin in layers.origin_px)
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "displayWindow": _window(0, 0, image.width_px // layers.step_px, image.height_px // layers.step_px),
+        "dataWindow": _window(x, y, width, height),
+    }
+    before = OpenEXR.global_thread_count()
+    OpenEXR.set_global_thread_count(min(THREADS, os.cpu_count() or 1))
+    try:
+        with OpenEXR.File(header, _channels(layers)) as file:
+            file.write(str(path))
+    finally:
+        OpenEXR.set_global_thread_count(before)
+
+
+def _channels(layers: ModelLayers) -> dict[str, Floats]:
+    return {
+        f"{name}.{letter}": np.nan_to_num(getattr(layers, name)[..., channel].astype(np.float32, order="C"))
+        for name in LAYERS
+        for channel, letter in enumerate("RGB")
+    }
+
+
+def _window(x: int, y: int, width: int, height: int) -> tuple[Floats, Floats]:
+    return np.array([x, y], np.int32), np.array([x + width - 1, y + height - 1], np.int32)

@@ -1,0 +1,180 @@
+"""The result on a terminal: the best model's parameters with honest digits, every model beside it, flags in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from toolkit.flags import MEANING, Flag
+from toolkit.records import Estimate, Fit, Floats, MaterialReport
+
+from .digits import interval, plus_minus, rounded
+from .text import base_name, clean
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+
+class Row(NamedTuple):
+    """One line of the parameter table."""
+
+    name: str
+    channel: str
+    value: str
+    interval: str
+    unit: str
+
+
+def print_table(report: MaterialReport, console: Console, *, where: Path | None = None) -> None:
+    """Print the result; `where` is the page, or the folder, that the last line points to. Plain in a pipe."""
+    for line in _head(report):
+        _print(console, line)
+    if report.fits:
+        best = report.fits[report.best]
+        _print(console, "")
+        _print(console, f"{_named(best)}: {_rank(report)}")
+        _print(console, _quality(best))
+        _print_table(console, _parameters(best))
+        if len(report.fits) > 1:
+            _print_table(console, _models(report, best))
+        _print(console, "")
+    for line in _remarks(report):
+        _print(console, line)
+    if where is not None:
+        _print(console, f"report: {where}")
+
+
+def _print(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=len(text) <= console.width or "/" in text)
+
+
+def _print_table(console: Console, table: Table) -> None:
+    """An empty line and the table, without spaces at its lines' ends."""
+    with console.capture() as captured:
+        console.print(table)
+    console.file.write("\n" + "".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+
+
+def _head(report: MaterialReport) -> Iterator[str]:
+    image, scene = report.image, report.scene
+    size = f"{image.width_px} x {image.height_px} px"
+    yield f"{base_name(image.name)}: {size}, {scene.camera.projection}, {scene.scale} scale"
+    (x, y), sd = scene.sphere.centre_px, np.sqrt(np.diag(scene.sphere.covariance_px2))
+    centre = f"({rounded(x, sd[0])}, {rounded(y, sd[1])})"
+    yield f"sphere {scene.sphere.source}: centre {centre}, radius {plus_minus(scene.sphere.radius_px, sd[2])} px"
+    for light in scene.lights:
+        direction = ", ".join(f"{v:.3f}" for v in light.direction)
+        off_deg = np.degrees(np.arccos(np.clip(light.direction[2], -1.0, 1.0)))
+        yield f"{light.kind} light {scene.light_source}: ({direction}), {off_deg:.1f} degrees off the view axis"
+
+
+def _named(fit: Fit) -> str:
+    variant = ", ".join(f"{option} {choice}" for option, choice in fit.variant.items())
+    return clean(f"{fit.model}{f' ({variant})' if variant else ''} over {fit.diffuse}")
+
+
+def _rank(report: MaterialReport) -> str:
+    best = report.fits[report.best]
+    if best.status != "converged":
+        return clean(best.status)
+    if len(report.fits) == 1:
+        return "the only model fitted"
+    return "best and preferred" if report.preferred == report.best else "best, but the data do not decide"
+
+
+def _quality(fit: Fit) -> str:
+    chain = fit.diagnostics
+    sampled = f"; {chain.ess_min:.0f} effective samples, R-hat {chain.r_hat_max:.3f}" if chain else ""
+    return f"chi2/dof {fit.chi2_reduced:.3f}{sampled}"
+
+
+def _parameters(fit: Fit) -> Table:
+    table = _table("parameter", "", "estimate ± sd", "90 % interval", "unit")
+    for parameter in fit.parameters:
+        for row in _rows(parameter):
+            table.add_row(*map(_text, row))
+    return table
+
+
+def _rows(parameter: Estimate) -> Iterator[Row]:
+    """A number has one row, and one in degrees below where it is in radians; a colour has three."""
+    if parameter.estimate is None:
+        yield Row(parameter.name, "", "not identified", "", "")
+        return
+    estimate, sd = np.atleast_1d(parameter.estimate), _three(parameter.sd)
+    low, high = parameter.interval_90 or (None, None)
+    low, high = _three(low), _three(high)
+    channels = [""] if len(estimate) == 1 else ["R", "G", "B"]
+    if len(estimate) == 3 and np.ptp(estimate) == 0 and np.ptp(sd) == 0:
+        channels = ["RGB"]  # a neutral colour: one number
+    for c, channel in enumerate(channels):
+        name = parameter.name if c == 0 else ""
+        unit = "" if parameter.unit == "1" else parameter.unit
+        yield Row(name, channel, plus_minus(estimate[c], sd[c]), interval(low[c], high[c], sd[c]), unit)
+    if parameter.unit == "rad":
+        value, spread, begin, end = np.degrees([estimate[0], sd[0], low[0], high[0]])
+        yield Row("", "", plus_minus(value, spread), interval(begin, end, spread), "deg")
+
+
+def _three(value: float | Floats | None) -> Floats:
+    """One number or three as three; what is not there is NaN."""
+    return np.broadcast_to(np.asarray(np.nan if value is None else value, float), (3,))
+
+
+def _models(report: MaterialReport, best: Fit) -> Table:
+    table = _table("model", "diffuse", "shape", "chi2/dof", "elpd below best")
+    for fit in sorted(report.fits, key=lambda fit: -np.nan_to_num(fit.elpd, nan=-np.inf)):
+        shape = ", ".join(f"{name} {value:.4g}" for name, value in fit.shape.items())
+        name = fit.model + "".join(f":{option}={choice}" for option, choice in _unlike(fit, report).items())
+        converged = fit.status == "converged"
+        table.add_row(*map(_text, (name, fit.diffuse, shape, f"{fit.chi2_reduced:.3f}", _below(best, fit, converged))))
+    return table
+
+
+def _unlike(fit: Fit, report: MaterialReport) -> dict[str, str]:
+    """The variant, where another fit of the same model has another one."""
+    twins = [other for other in report.fits if other.model == fit.model and dict(other.variant) != dict(fit.variant)]
+    return dict(fit.variant) if twins else {}
+
+
+def _below(best: Fit, fit: Fit, converged: bool) -> str:
+    if not converged:
+        return "not converged"
+    if fit is best:
+        return "best"
+    if len(fit.elpd_blocks) != len(best.elpd_blocks) or len(fit.elpd_blocks) < 2:
+        return f"{best.elpd - fit.elpd:.0f}"
+    difference = best.elpd_blocks - fit.elpd_blocks
+    return plus_minus(float(difference.sum()), float(np.sqrt(len(difference)) * difference.std(ddof=1)))
+
+
+def _remarks(report: MaterialReport) -> Iterator[str]:
+    best = report.fits[report.best] if report.fits else None
+    for parameter in best.parameters if best else ():
+        if parameter.note:
+            yield f"{parameter.name}: {clean(parameter.note)}"
+    for flag in dict.fromkeys((*report.flags, *(best.flags if best else ()))):
+        known = flag in list(Flag)
+        yield f"{clean(flag)}: {MEANING[Flag(flag)]}" if known else clean(flag)
+
+
+def _table(*heads: str) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
+    for head in heads:
+        table.add_column(head, no_wrap=True, overflow="ellipsis")
+    return table
+
+
+def _text(cell: str) -> Text:
+    """Untrusted names are no markup."""
+    from rich.text import Text
+
+    return Text(clean(cell))
