@@ -95,3 +95,38 @@ def ggx_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
 def _stretched(cosines: Cosines, a2: Number) -> Floats:
     """alpha^2 cos^2(theta_h) + sin^2(theta_h)."""
     return np.asarray(a2 + (1.0 - np.asarray(a2)) * cosines.sin2_h)
+
+
+def gtr(cosines: Cosines, alpha: Number, tail: Number) -> Floats:
+    """Trowbridge and Reitz's D with its exponent free: c / (alpha^2 cos^2 + sin^2)^tail, in sr^-1; tail 2 is `ggx`.
+
+    Burley 2012, appendix B.2, equation 4; finite at tail 1 and at alpha 1, where the paper's form is 0 / 0.
+    """
+    a2 = np.square(alpha)
+    log_width, excess = np.log(a2), np.asarray(tail) - 1.0
+    scale = _relative_growth(log_width) / (np.pi * _relative_growth(-excess * log_width))
+    return np.asarray(scale * np.exp(-np.asarray(tail) * np.log(_stretched(cosines, a2))))
+
+
+def gtr_derivatives(cosines: Cosines, alpha: Number, tail: Number) -> tuple[Floats, Floats, Floats]:
+    """The generalised density, and its derivatives in `alpha` and `tail`."""
+    a2 = np.square(alpha)
+    log_width, excess = np.log(a2), np.asarray(tail) - 1.0
+    density, stretched = gtr(cosines, alpha, tail), _stretched(cosines, a2)
+    of_tail = _log_slope(-excess * log_width)
+    by_width = (_log_slope(log_width) + excess * of_tail) * 2.0 / np.asarray(alpha)
+    by_alpha = density * (by_width - 2.0 * np.asarray(tail) * alpha * (1.0 - cosines.sin2_h) / stretched)
+    return density, by_alpha, density * (log_width * of_tail - np.log(stretched))
+
+
+def _relative_growth(z: Number) -> Floats:
+    """(exp(z) - 1) / z, 1 at 0."""
+    near = np.abs(z) < 1e-9
+    return np.where(near, 1.0 + 0.5 * np.asarray(z), np.expm1(z) / np.where(near, 1.0, z))
+
+
+def _log_slope(z: Number) -> Floats:
+    """The derivative of log((exp(z) - 1) / z): 1 / (1 - exp(-z)) - 1 / z, 1/2 at 0."""
+    near = np.abs(z) < 1e-2
+    safe = np.where(near, 1.0, z)
+    return np.where(near, 0.5 + np.asarray(z) / 12.0 - np.power(z, 3) / 720.0, -1.0 / np.expm1(-safe) - 1.0 / safe)

@@ -43,6 +43,15 @@ def dielectric_derivative(cosine: Floats, index: Number) -> tuple[Floats, Floats
     return 0.5 * (np.square(across) + np.square(along)), across * d_across + along * d_along
 
 
+def dielectric_slope(cosine: Floats, index: Number) -> Floats:
+    """The derivative of a clear material's reflectance in the cosine."""
+    c = np.clip(cosine, 0.0, 1.0)
+    n2, g = np.square(index), _inside(c, index)
+    across, along = (c - g) / (c + g), _along(c, g, index)
+    steep = across / np.square(c + g) + along * n2 / np.square(n2 * c + g)
+    return np.asarray(2.0 * (n2 - 1.0) / g * steep)
+
+
 def _inside(c: Floats, index: Number) -> Floats:
     """The index times the refracted ray's cosine; kept off 0 for index 1 at grazing."""
     return np.asarray(np.sqrt(np.maximum(np.square(index) - 1.0 + np.square(c), 1e-300)))
