@@ -28,7 +28,7 @@ def mosaic_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
         np.greater_equal(stored[row::2, column::2], level[row, column], out=clipped[row::2, column::2])
     if not clipped.any():
         return np.zeros(stored.shape, np.uint8)
-    return _with_bloom(clipped, _spread(clipped, 1) | _spread(clipped, 2, only_even=True))
+    return _with_bloom(clipped, _spread(clipped, 1) | _spread(clipped, 2))
 
 
 def colour_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
@@ -36,7 +36,9 @@ def colour_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
     flags = np.zeros(stored.shape, np.uint8)
     if stored.dtype.kind == "f":
         flags[~np.isfinite(stored)] = _INVALID
-    clipped: NDArray[np.bool_] = stored >= level.astype(stored.dtype if np.all(np.isfinite(level)) else np.float32)
+    if not np.all(np.isfinite(level)):
+        return flags
+    clipped: NDArray[np.bool_] = stored >= level.astype(stored.dtype)
     if clipped.any():
         flags |= _with_bloom(clipped, _spread(np.any(clipped, axis=2), 1)[..., None])
     return flags
@@ -46,14 +48,12 @@ def _with_bloom(clipped: NDArray[np.bool_], near: NDArray[np.bool_]) -> NDArray[
     return np.where(clipped, _CLIPPED, near * _BLOOM).astype(np.uint8)
 
 
-def _spread(mask: NDArray[np.bool_], reach: int, *, only_even: bool = False) -> NDArray[np.bool_]:
-    """The mask grown by `reach` pixels in rows and columns; with `only_even` by exactly `reach`, within its plane."""
-    grown = mask.copy()
-    for step in (reach,) if only_even else range(1, reach + 1):
-        grown[step:] |= mask[:-step]
-        grown[:-step] |= mask[step:]
-    wide = grown.copy()
-    for step in (reach,) if only_even else range(1, reach + 1):
-        wide[:, step:] |= grown[:, :-step]
-        wide[:, :-step] |= grown[:, step:]
-    return wide
+def _spread(mask: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """The mask grown to the 3 x 3 neighbours that lie `step` pixels apart."""
+    tall = mask.copy()
+    tall[step:] |= mask[:-step]
+    tall[:-step] |= mask[step:]
+    grown = tall.copy()
+    grown[:, step:] |= tall[:, :-step]
+    grown[:, :-step] |= tall[:, step:]
+    return grown

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from toolkit.radiometry.noise_estimate import estimate
 from toolkit.records import Metadata, Noise, Plane
 
 
@@ -15,14 +16,13 @@ def noise_of(planes: Sequence[Plane], metadata: Metadata, *, given: Noise | None
         return given
     if metadata.noise_profile:
         return noise_of_profile(metadata.noise_profile)
-    return estimate(planes)
+    return estimate(planes).noise
 
 
 def noise_of_profile(profile: tuple[tuple[float, float], ...]) -> Noise:
-    """DNG 1.6, NoiseProfile: variance = scale * signal + offset, one pair for all planes or one a colour plane."""
+    """From a DNG's NoiseProfile: variance = scale * signal + offset, one pair for all colours or one for each.
+
+    DNG 1.6, tag 51041; signal and variance in units of white minus black, which are the image's.
+    """
     pairs = np.array(profile * 3 if len(profile) == 1 else profile[:3], float)
     return Noise(gain=pairs[:, 0], read=np.sqrt(np.maximum(pairs[:, 1], 0.0)), source="noise_profile")
-
-
-def estimate(planes: Sequence[Plane]) -> Noise:
-    return Noise(gain=np.full(3, 1e-4), read=np.full(3, 1e-3), source="estimated")
