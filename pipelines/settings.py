@@ -119,9 +119,7 @@ class FitTable(Table):
     diffuse: Annotated[tuple[DiffuseModel, ...], Field(max_length=16)] = ()  # none: lambert, the best over all
     specular: Literal["neutral", "coloured"] = "coloured"
     fix: Annotated[tuple[Nuisance, ...], Field(max_length=16)] = ()
-    discrepancy: Literal["on", "off"] = "on"
     ess: Annotated[int, Field(ge=100, le=1_000_000)] = 4000  # effective samples to reach
-    samples_max: Annotated[int, Field(ge=1000, le=10_000_000)] = 200_000  # draws at which sampling stops anyway
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 

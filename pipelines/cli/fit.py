@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -176,7 +177,7 @@ def _tell(report: MaterialReport, settings: Settings, out: Path, run: Run) -> in
         run.terminal.object(result_object(report, settings), lines=run.output.jsonl)
     elif not run.terminal.quiet:
         page = out / f"{stem(report.image.name)}.html"
-        print_table(report, run.terminal.console(), where=out if run.output.no_report else page)
+        run.terminal.show(partial(print_table, report, where=out if run.output.no_report else page))
     return _code(report, strict=run.output.strict)
 
 
@@ -190,19 +191,18 @@ def _code(report: MaterialReport, *, strict: bool) -> int:
 
 def _finished(image: Path, out: Path, settings: Settings, output: OutputFlags) -> Mapping[str, Any] | None:
     """A finished result of this very image and these settings, to be kept; raises UsageError on any other."""
-    if output.overwrite or not _occupied(out):
+    from pipelines.report.write import output_names
+
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file; expected a folder for the results: --out DIR")
+    there = [name for name in output_names(image.name, exports=output.export) if (out / name).exists()]
+    if output.overwrite or not there:
         return None
     if not output.resume:
-        raise UsageError(f"{out} exists; expected a new place: --out DIR, --overwrite to replace it, or --resume")
+        raise UsageError(f"{out / there[0]} exists; expected a new place: --out DIR, or --overwrite, or --resume")
     from .resume import finished
 
     return finished(image, out, settings)
-
-
-def _occupied(out: Path) -> bool:
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"{out} is a file; expected a folder for the results: --out DIR")
-    return out.is_dir() and any(out.iterdir())
 
 
 def _plan(image: Path, out: Path, settings: Settings, run: Run) -> int:

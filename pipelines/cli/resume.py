@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 MAX_RESULT_BYTES = 1 << 26
 
 
-def finished(image: Path, out: Path, settings: Settings) -> Mapping[str, Any]:
-    """The result object in `out`; raises UsageError where what is there is something else."""
+def finished(image: Path, out: Path, settings: Settings) -> Mapping[str, Any] | None:
+    """The result object in `out`, None where a run did not end; raises UsageError where it is of something else."""
     name = stem(image.name)
     result = _read_result(out / f"{name}.json")
     if result is None:
-        raise UsageError(f"{out} holds no finished result of {image.name}; expected one, or --overwrite to replace it")
+        return None
     different = [what for what, same in _same(image, settings, result, out / f"{name}.settings.toml") if not same]
     if different:
         raise UsageError(f"{out} holds a result of {' and '.join(different)}; expected --overwrite to replace it")

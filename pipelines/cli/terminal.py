@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json as json_module
 import os
 import sys
 import traceback
@@ -29,8 +31,9 @@ class Terminal:
 
     def result(self, text: str) -> None:
         """A result on stdout; a reader who has gone away (`| head`) does not stop the work."""
+        encoding = sys.stdout.encoding or "utf-8"
         try:
-            sys.stdout.write(text)
+            sys.stdout.write(text.encode(encoding, "replace").decode(encoding))
             sys.stdout.flush()
         except BrokenPipeError:
             _discard_stdout()
@@ -39,7 +42,9 @@ class Terminal:
         """One JSON object on stdout; with `lines` on one line."""
         from pipelines.report.result import result_text
 
-        self.result(result_text(values, indent=None if lines else 1))
+        text = result_text(values, indent=None if lines else 1)
+        narrow = (sys.stdout.encoding or "utf-8").lower().replace("-", "") != "utf8"
+        self.result(json_module.dumps(json_module.loads(text)) + "\n" if narrow and not text.isascii() else text)
 
     def note(self, text: str) -> None:
         """A remark on stderr with --verbose."""
@@ -64,11 +69,13 @@ class Terminal:
             self.object(failure_object(name, text), lines=lines)
         return error.exit_code if isinstance(error, FitMaterialError) else 1
 
-    def console(self) -> Console:
-        """A rich console on stdout: plain without a terminal, no colour with NO_COLOR."""
+    def show(self, print_to: Callable[[Console], None]) -> None:
+        """What `print_to` prints, on stdout: plain without a terminal, without colour under NO_COLOR."""
         from rich.console import Console
 
-        return Console(file=sys.stdout, highlight=False, soft_wrap=False)
+        text = io.StringIO()
+        print_to(Console(file=text, force_terminal=sys.stdout.isatty(), highlight=False))
+        self.result(text.getvalue())
 
     @contextmanager
     def progress(self, name: str) -> Iterator[Progress]:

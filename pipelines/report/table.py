@@ -84,7 +84,7 @@ def _rank(report: MaterialReport) -> str:
         return clean(best.status)
     if len(report.fits) == 1:
         return "the only model fitted"
-    return "best and preferred" if report.preferred == report.best else "best, but the data do not decide"
+    return "best and preferred" if report.preferred == report.best else "best; the data do not decide"
 
 
 def _quality(fit: Fit) -> str:
