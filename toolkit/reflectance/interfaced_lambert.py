@@ -42,7 +42,7 @@ _SQRT2 = float(np.sqrt(2.0))
 
 def evaluate(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Number) -> Floats:
     """The integral over the facets, in sr^-1."""
-    return _each(cosines, diffuse_index, diffuse_roughness_rad, _value)[0]
+    return np.asarray(_each(cosines, diffuse_index, diffuse_roughness_rad, _value)[0])
 
 
 def gradient(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Number) -> tuple[Floats, ...]:
