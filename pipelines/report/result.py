@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from toolkit.records import ColourLayers, Estimate, Fit, Light, LinearImage, MaterialReport, Scene
+from toolkit.records import ColourLayers, Estimate, Fit, Light, Light, LinearImage, MaterialReport, Scene
 
 from .text import base_name, clean
 
@@ -151,10 +151,13 @@ def _sphere(scene: Scene, settings: Settings | None) -> dict[str, Any]:
 
 
 def _lights(scene: Scene, best: Fit | None) -> list[dict[str, Any]]:
-    fitted = best.scene.lights if best else (None,) * len(scene.lights)
     return [
-        {**_fields(light), "source": scene.light_source, "fitted": _fitted(moved)}
-        for light, moved in zip(scene.lights, fitted, strict=True)
+        {
+            **_fields(light),
+            "source": scene.light_source,
+            "fitted": _fitted(best, i) if best and i < len(best.scene.lights) else None,
+        }
+        for i, light in enumerate(scene.lights)
     ]
 
 
@@ -164,12 +167,20 @@ def _fields(light: Light) -> dict[str, Any]:
     return {"kind": own.pop("kind"), "direction": cast("AnyLight", light).direction, **own}
 
 
-def _fitted(moved: Light | None) -> dict[str, Any] | None:
-    if moved is None:
-        return None
-    light = cast("AnyLight", moved)
-    place = {"position": light.position} if light.kind == "point" else {}
-    return {"direction": light.direction, **place, "sd_deg": light.direction_sd_deg}
+def _fitted(fit: Fit, index: int) -> dict[str, Any]:
+    """Where the fit moved the light; `sd_deg` of its direction about each axis across it."""
+    light = fit.scene.lights[index]
+    tilts = [fit.nuisances[name][1] for axis in "xy" if (name := f"light{index}.tilt_{axis}_rad") in fit.nuisances]
+    sd_deg = np.degrees(np.sqrt(np.mean(np.square(tilts)))) if tilts else getattr(light, "direction_sd_deg", None)
+    return {"direction": light.direction, **_place(light), "sd_deg": sd_deg}
+
+
+def _place(light: Light) -> dict[str, Any]:
+    """The position of a point light, which a fit keeps as direction and nearness."""
+    if light.kind != "point":
+        return {}
+    fitted = np.divide(getattr(light, "direction", np.nan), getattr(light, "nearness", np.nan))
+    return {"position": getattr(light, "position", fitted)}
 
 
 def _separation(layers: ColourLayers) -> dict[str, Any]:
