@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from toolkit.records import ColourLayers, Estimate, Fit, Light, Light, LinearImage, MaterialReport, Scene
+from toolkit.records import ColourLayers, Estimate, Fit, Light, LinearImage, MaterialReport, Scene
 
 from .text import base_name, clean
 
@@ -172,7 +172,7 @@ def _fitted(fit: Fit, index: int) -> dict[str, Any]:
     light = fit.scene.lights[index]
     tilts = [fit.nuisances[name][1] for axis in "xy" if (name := f"light{index}.tilt_{axis}_rad") in fit.nuisances]
     sd_deg = np.degrees(np.sqrt(np.mean(np.square(tilts)))) if tilts else getattr(light, "direction_sd_deg", None)
-    return {"direction": light.direction, **_place(light), "sd_deg": sd_deg}
+    return {"direction": getattr(light, "direction", None), **_place(light), "sd_deg": sd_deg}
 
 
 def _place(light: Light) -> dict[str, Any]:
