@@ -15,6 +15,8 @@ from .posterior import Draws
 
 UNIFORM_SD = 12**-0.5  # of a uniform prior, per unit of its width
 UNIDENTIFIED = 0.5  # posterior over prior width from which a parameter counts as not identified
+POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples each
+POOR_RESIDUAL = 0.002  # of the signal: below, a misfit shows only since the photograph is so free of noise
 DETECTED_SD = 3.0  # sds by which a specular strength must stand above nothing
 
 F0_NOTE = (
@@ -150,8 +152,10 @@ def _prior_sds(optimum: Optimum) -> dict[str, Floats]:
     }
 
 
-def flags_of(optimum: Optimum, estimates: tuple[Estimate, ...], draws: Draws, chi2_reduced: float) -> tuple[str, ...]:
-    """What a reader of this fit must know."""
+def flags_of(
+    optimum: Optimum, estimates: tuple[Estimate, ...], draws: Draws, misfit: tuple[float, float]
+) -> tuple[str, ...]:
+    """What a reader of this fit must know; `misfit` is the reduced chi-square and the relative rms residual."""
     found: list[str] = []
     if optimum.status != "converged":
         found.append(Flag.NOT_CONVERGED)
@@ -173,9 +177,6 @@ def flags_of(optimum: Optimum, estimates: tuple[Estimate, ...], draws: Draws, ch
         over = np.asarray(specular.estimate) / np.maximum(specular.sd, 1e-300)
         if np.all(over < DETECTED_SD):
             found.append(Flag.NO_SPECULAR)
-    if chi2_reduced > POOR_CHI2:
+    if misfit[0] > POOR_CHI2 and misfit[1] > POOR_RESIDUAL:
         found.append(Flag.POOR_FIT)
     return tuple(found)
-
-
-POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples each

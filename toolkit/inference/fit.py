@@ -20,11 +20,12 @@ from .model import Columns, Fresnel, Lit, Model, columns, fresnel_of, lit_by, na
 from .normal import Layout, Normal, Prior, assemble, bounded, lay_out, solve
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
-DESCENTS = 2  # how many of them are descended from
+DESCENTS = 4  # how many of them are descended from
+MOST_MINIMA = 2  # how many of the optima found are looked at with the calibration free
 STEPS = 25
 ROUNDS = 4  # of new weights, at most
 STANDS_SD = 0.01  # sds by which new weights may still move the shape
-SEARCH_CELLS = 1500  # enough to tell where to begin
+SEARCH_CELLS = 4000  # enough to tell where to begin, few enough to be cheap
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 
@@ -136,11 +137,19 @@ def _prior(
 
 def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
     """The optimum of a problem; `start`, of a neighbouring problem on the same cells, spares the search."""
-    if start is None:
-        weights = _weights(problem, tuple(data.value for data in problem.cells.channels))
-        here = _descend(problem, _search(problem), weights)
-    else:
-        here = _descend(problem, start.u, start.weights)
+    return refine(problem, start.u, start.weights) if start is not None else minima(problem)[0]
+
+
+def minima(problem: Problem) -> list[Optimum]:
+    """The distinct optima that a search over the whole box comes to rest at, best first, `MOST_MINIMA` at most."""
+    weights = _weights(problem, tuple(data.value for data in problem.cells.channels))
+    found = [refine(problem, u, weights) for u in _search(problem)]
+    return sorted(found, key=lambda optimum: optimum.chi2)
+
+
+def refine(problem: Problem, u: Floats, weights: tuple[Floats, ...]) -> Optimum:
+    """Descend from a shape, with new weights from the prediction in turn, until both stand."""
+    here = _descend(problem, u, weights)
     for _ in range(ROUNDS):
         predicted = problem.predict(problem.columns(here.u), here.x)
         before, here = here, _descend(problem, here.u, _weights(problem, predicted))
@@ -149,10 +158,10 @@ def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
     return here
 
 
-def _search(problem: Problem) -> Floats:
-    """The shape to begin from: the best of a coarse grid and of the descents from it, on a few of the cells."""
+def _search(problem: Problem) -> list[Floats]:
+    """Shapes to begin from: where descents from the best of a coarse grid end, on a few of the cells."""
     if not problem.model.parameters:
-        return np.zeros(0)
+        return [np.zeros(0)]
     cells = problem.cells.thinned(max(len(problem.cells.x_px) // SEARCH_CELLS, 1))
     few = pose(problem.model, problem.scene, cells, problem.noise)
     weights = _weights(few, tuple(data.value for data in cells.channels))
@@ -162,8 +171,19 @@ def _search(problem: Problem) -> Floats:
         x, _ = bounded(normal.matrix, normal.rhs, few.prior)
         tried.append((normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs), u))
     tried.sort(key=lambda pair: pair[0])
-    found = [_descend(few, u, weights) for _, u in tried[:DESCENTS]]
-    return min(found, key=lambda optimum: optimum.chi2).u
+    apart = 0.1 * np.subtract(*problem.model.bounds()[::-1])
+    found = [_descend(few, u, weights) for u in _far_apart([u for _, u in tried], apart)[:DESCENTS]]
+    found.sort(key=lambda optimum: optimum.chi2)
+    return _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
+
+
+def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
+    """Those, in order, that are not close to one before them."""
+    kept: list[Floats] = []
+    for u in shapes:
+        if all(np.any(np.abs(u - v) > apart) for v in kept):
+            kept.append(u)
+    return kept
 
 
 def _grid(model: Model) -> list[Floats]:

@@ -34,7 +34,7 @@ def infer(
     problem = pose(model, scene, cells, image.noise)
     optimum, total = fit_with_shifts(problem, shifts)
     draws = sample(optimum, seed=seed, effective=effective, progress=progress)
-    chi2_reduced = reduced_chi2(optimum)
+    chi2_reduced, residual = misfit(optimum)
     estimates = estimates_of(optimum, draws)
     blocks = elpd_blocks(optimum, blocks_of(scene, cells))
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}
@@ -47,7 +47,7 @@ def infer(
         variant=dict(model.variant),
         diffuse=model.diffuse.name,
         status=optimum.status,
-        flags=flags_of(optimum, estimates, draws, chi2_reduced),
+        flags=flags_of(optimum, estimates, draws, (chi2_reduced, residual)),
         shape={name: float(at_mode[name]) for name in names},
         colours=colours,
         chi2_reduced=chi2_reduced,
@@ -61,30 +61,24 @@ def infer(
     )
 
 
-def finest_scale(optimum_shape: Mapping[str, float]) -> float:
-    """The angular scale (rad) of a fitted lobe that cells must resolve."""
-    for name in ("roughness_rad", "alpha"):
-        if name in optimum_shape:
-            return float(optimum_shape[name])
-    return float(1.0 / np.sqrt(optimum_shape.get("shininess", 100.0)))
-
-
 def gather_for(image: LinearImage, scene: Scene) -> Cells:
     """Cells fine enough for every highlight that a photograph's pixels can resolve."""
     pixel_rad = min(p.step_px for p in image.planes) / scene.sphere.radius_px
     return gather(image, scene, finest_rad=float(np.clip(4 * pixel_rad, 0.005, 0.02)))
 
 
-def reduced_chi2(optimum: Optimum) -> float:
-    """Chi-square of the cells' means by the measurement noise alone, over its degrees of freedom."""
+def misfit(optimum: Optimum) -> tuple[float, float]:
+    """Chi-square of the cells' means by the measurement noise alone over its degrees of freedom; relative rms."""
     problem = optimum.problem
     predicted = problem.predict(problem.columns(optimum.u), optimum.x)
-    total = sum(
-        float(w @ (data.value - p) ** 2)
-        for w, data, p in zip(optimum.weights, problem.cells.channels, predicted, strict=True)
-    )
-    count = sum(len(data.value) for data in problem.cells.channels) - len(optimum.joint)
-    return total / max(count, 1)
+    chi2, square, signal, cells = 0.0, 0.0, 0.0, 0
+    for w, data, p in zip(optimum.weights, problem.cells.channels, predicted, strict=True):
+        residual = data.value - p
+        chi2 += float(w @ residual**2)
+        square += float(data.count @ residual**2)
+        signal += float(data.count @ p**2)
+        cells += len(p)
+    return chi2 / max(cells - len(optimum.joint), 1), (square / max(signal, 1e-300)) ** 0.5
 
 
 def _by_chain(draws: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -173,11 +173,12 @@ def columns(
 
 def _channel(tables: list[list[list[Floats]]], colours: list[Floats], data: ChannelCells, channel: int) -> Columns:
     """One channel's columns: each term's weighted mean over the cells' nodes, summed over the lights."""
+    here = data.rows if len(data.rows) < tables[0][0][0].shape[1] else slice(None)  # all of them: no copy
     mixed = [
         [
             np.asarray(
                 sum(
-                    colour[channel] * np.einsum("kn,kn->n", data.weights, term[:, data.rows])
+                    colour[channel] * np.einsum("kn,kn->n", data.weights, term[:, here])
                     for colour, term in zip(colours, terms, strict=True)
                 )
             )

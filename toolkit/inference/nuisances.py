@@ -15,7 +15,7 @@ import numpy as np
 from toolkit.records import Floats, Light, Scene, Sphere
 
 from .cells import Cells
-from .fit import Optimum, Problem, fit, pose
+from .fit import Optimum, Problem, fit, minima, pose
 from .model import columns, lit_by
 
 DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
@@ -129,13 +129,18 @@ def tangents(direction: Floats) -> tuple[Floats, Floats]:
     return across, np.cross(direction, across)
 
 
-def fit_with_shifts(
-    problem: Problem, shifts: Shifts, further: tuple[Floats, ...] | None = None, precision: Floats | None = None
-) -> tuple[Optimum, Floats]:
-    """The optimum with the shifts free; also the shifts at which the scene came to stand."""
-    optimum = fit(problem)
+def fit_with_shifts(problem: Problem, shifts: Shifts) -> tuple[Optimum, Floats]:
+    """The optimum with the shifts free; also the shifts at which the scene came to stand.
+
+    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed.
+    """
     if not shifts.names:
-        return optimum, np.zeros(0)
+        return fit(problem), np.zeros(0)
+    found = [_follow(problem, optimum, shifts) for optimum in minima(problem)]
+    return min(found, key=lambda pair: pair[0].chi2)
+
+
+def _follow(problem: Problem, optimum: Optimum, shifts: Shifts) -> tuple[Optimum, Floats]:
     prior = prior_precision(problem.scene, shifts)
     total = np.zeros(len(shifts.names))
     for _ in range(ROUNDS):
