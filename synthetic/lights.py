@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.geometry.lights import AnyLight, PointLight
-from toolkit.records import Floats
+from toolkit.geometry.lights import DirectionalLight, PointLight
+from toolkit.records import Floats, Light
+
+Movable = DirectionalLight | PointLight
 
 
-def point_lights(light: AnyLight, *, detail_rad: float) -> list[AnyLight]:
+def point_lights(light: Light, *, detail_rad: float) -> list[Light]:
     """A light's disc of `angular_radius_deg`, equally bright all over, as lights without extent.
 
     `detail_rad` is the half width of the finest highlight that the disc is mirrored in: the wider the disc against
@@ -23,11 +25,8 @@ def point_lights(light: AnyLight, *, detail_rad: float) -> list[AnyLight]:
     places = towards + distance * np.tan(radius) * offsets @ across(towards)
     cosines = distance / np.linalg.norm(places, axis=-1)
     share = weights / (weights @ cosines)
-    base = np.asarray(light.irradiance or (1.0, 1.0, 1.0))
-    return [
-        moved(light, to).model_copy(update={"irradiance": triple(base * part), "angular_radius_deg": 0.0})
-        for to, part in zip(places, share, strict=True)
-    ]
+    small = movable(light).model_copy(update={"angular_radius_deg": 0.0})
+    return [scaled(moved(small, to), part) for to, part in zip(places, share, strict=True)]
 
 
 def disc_points(*, rings: int) -> tuple[Floats, Floats]:
@@ -39,16 +38,29 @@ def disc_points(*, rings: int) -> tuple[Floats, Floats]:
     return points.reshape(-1, 2), np.repeat(0.5 * weights / around, around)
 
 
-def vector(light: AnyLight) -> Floats:
+def movable(light: Light) -> Movable:
+    """The light itself where it has one direction or place; raises TypeError on other kinds."""
+    if not isinstance(light, Movable):
+        raise TypeError(f"a {light.kind} light cannot be moved; expected a directional or a point light")
+    return light
+
+
+def vector(light: Light) -> Floats:
     """Where the light is: its direction (3,), or its place in sphere radii."""
     return np.asarray(light.position if isinstance(light, PointLight) else light.direction)
 
 
-def moved(light: AnyLight, to: Floats) -> AnyLight:
+def moved(light: Light, to: Floats) -> Movable:
     """The same light at another place (3,), or in another direction; its irradiance stays that at the centre."""
     if isinstance(light, PointLight):
         return light.model_copy(update={"position": triple(to)})
-    return light.model_copy(update={"direction": triple(to / np.linalg.norm(to))})
+    return movable(light).model_copy(update={"direction": triple(to / np.linalg.norm(to))})
+
+
+def scaled(light: Light, factor: float) -> Movable:
+    """The same light, `factor` times as strong; where its irradiance is not known it counts as 1."""
+    irradiance = factor * np.asarray(light.irradiance or (1.0, 1.0, 1.0))
+    return movable(light).model_copy(update={"irradiance": triple(irradiance)})
 
 
 def across(towards: Floats) -> Floats:

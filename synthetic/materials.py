@@ -1,6 +1,6 @@
 """What a sphere can be made of, for renders of known truth: lobes, their shape numbers and colours.
 
-The numbers of the named materials are plausible, not measured here; each says where its order of size comes from.
+The named ones are in `named.py`.
 """
 
 from __future__ import annotations
@@ -110,7 +110,14 @@ def _check_numbers(material: Material) -> None:
     if "diffuse_albedo" not in material.colours or len(specular) != 1 or specular[0] not in choices:
         found = ", ".join(material.colours) or "none"
         raise BadInputError(f"material.parameters: colours {found}; expected diffuse_albedo and {' or '.join(choices)}")
-    for key, value in [*material.shape.items(), *material.colours.items()]:
-        numbers, least = np.asarray(value), 1.0 if key == "specular_index" else 0.0
-        if not np.isfinite(numbers).all() or numbers.min() < least:
-            raise BadInputError(f"material.parameters.{key} is {numbers.tolist()}; expected {least:g} or more")
+    for parameter in (parameter for lobe in material.lobes for parameter in lobe.parameters):
+        _check_range(parameter.name, material.shape[parameter.name], parameter.low, parameter.high)
+    for key, colour in material.colours.items():
+        _check_range(key, colour, 1.0 if key == "specular_index" else 0.0, np.inf)
+
+
+def _check_range(name: str, value: float | Floats, low: float, high: float) -> None:
+    numbers = np.asarray(value)
+    if not (np.isfinite(numbers).all() and numbers.min() >= low and numbers.max() <= high):
+        expected = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} or more"
+        raise BadInputError(f"material.parameters.{name} is {numbers.tolist()}; expected {expected}")

@@ -127,7 +127,7 @@ def truth(scene: Scene, material: Material, noise: Noise) -> dict[str, Any]:
         "parameters": dict(material.shape) | _colours(scene, material),
         "noise": {"gain": noise.gain.tolist(), "read": noise.read.tolist()},
         "scale": scene.scale,
-        "irradiance": [list(light.irradiance) for light in scene.lights],
+        "irradiance": [list(light.irradiance or (1.0, 1.0, 1.0)) for light in scene.lights],
     }
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.geometry.lights import AnyLight, DirectionalLight
-from toolkit.records import Camera, Noise, Scene, Sphere
+from toolkit.geometry.lights import DirectionalLight
+from toolkit.records import Camera, Light, Noise, Scene, Sphere
 
-from .lights import across, moved, triple, vector
+from .lights import across, movable, moved, scaled, vector
 
 
 def direction(off_axis_deg: float, around_deg: float = 0.0) -> tuple[float, float, float]:
@@ -26,7 +26,7 @@ def sphere_in(
     height_px: int,
     *,
     radius_px: float,
-    lights: Sequence[AnyLight] = (DirectionalLight(direction=direction(30.0), irradiance=(1.0, 1.0, 1.0)),),
+    lights: Sequence[Light] = (DirectionalLight(direction=direction(30.0), irradiance=(1.0, 1.0, 1.0)),),
     offset_px: tuple[float, float] = (0.0, 0.0),
     focal_length_px: float | None = None,
     centre_sd_px: float = 0.1,
@@ -49,10 +49,7 @@ def sphere_in(
 
 def exposed(scene: Scene, exposure: float) -> Scene:
     """The scene as a photograph's own units see it: every irradiance times `exposure`, and known."""
-    lights = tuple(
-        light.model_copy(update={"irradiance": triple(exposure * np.asarray(light.irradiance or (1.0, 1.0, 1.0)))})
-        for light in scene.lights
-    )
+    lights = tuple(scaled(light, exposure) for light in scene.lights)
     return Scene(camera=scene.camera, sphere=scene.sphere, lights=lights, scale="absolute")
 
 
@@ -74,11 +71,11 @@ def as_measured(scene: Scene, rng: np.random.Generator) -> Scene:
     return Scene(camera=scene.camera, sphere=sphere, lights=lights, light_source=scene.light_source, scale=scene.scale)
 
 
-def _turned(light: AnyLight, rng: np.random.Generator) -> AnyLight:
+def _turned(light: Light, rng: np.random.Generator) -> Light:
     """The light seen off by its `direction_sd_deg` in each of the two directions across."""
     towards = vector(light)
     distance = float(np.linalg.norm(towards))
-    shift = np.tan(np.radians(light.direction_sd_deg or 0.0)) * rng.standard_normal(2) @ across(towards)
+    shift = np.tan(np.radians(movable(light).direction_sd_deg or 0.0)) * rng.standard_normal(2) @ across(towards)
     turned = towards / distance + shift
     return moved(light, distance * turned / np.linalg.norm(turned))
 
@@ -99,7 +96,9 @@ def scene_tables(scene: Scene, noise: Noise | None = None, *, irradiance: bool =
         "radius_sd_px": float(sds[2]),
     }
     unsaid = None if irradiance else {"irradiance"}
-    tables["light"] = [light.model_dump(mode="json", exclude_none=True, exclude=unsaid) for light in scene.lights]
+    tables["light"] = [
+        movable(light).model_dump(mode="json", exclude_none=True, exclude=unsaid) for light in scene.lights
+    ]
     if noise is not None:
         tables["noise"] = {"gain": noise.gain.tolist(), "read": noise.read.tolist()}
     return tables

@@ -7,9 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.geometry.lights import AnyLight
 from toolkit.geometry.sphere import centre_position, surface
-from toolkit.records import Floats, Scene
+from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance import fresnel
 from toolkit.reflectance.cosines import Cosines
 
@@ -25,6 +24,7 @@ class Shade:
     specular: Floats  # (N, 3) radiance
     on_sphere: np.ndarray  # (N,) bool
     sin2_h: Floats  # (N,) sin^2 of the normal-half angle, the smallest over the lights: 0 in a highlight's middle
+    grazing: Floats  # (N,) |n.l|, the smallest over the lights: 0 where a shadow begins
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,10 +35,15 @@ class Shader:
     material: Material
 
     @cached_property
-    def lights(self) -> tuple[AnyLight, ...]:
+    def lights(self) -> tuple[Light, ...]:
         """The scene's lights, each extended one as several small ones."""
-        width = highlight_half_width_rad(self.material)
+        width = self.highlight_rad
         return tuple(small for light in self.scene.lights for small in point_lights(light, detail_rad=width))
+
+    @cached_property
+    def highlight_rad(self) -> float:
+        """Half width of the specular lobe, as an angle of the normal."""
+        return highlight_half_width_rad(self.material)
 
     @cached_property
     def irradiance(self) -> Floats:
@@ -49,7 +54,7 @@ class Shader:
         """The layers at pixel coordinates (N,)."""
         seen = surface(self.scene.camera, self.scene.sphere, x_px, y_px)
         diffuse, specular = np.zeros((2, len(x_px), 3))
-        nearest = np.full(len(x_px), np.inf)
+        nearest, grazing = np.full((2, len(x_px)), np.inf)
         for light in self.lights:
             towards, irradiance = light.at(seen.normal)
             cosines = Cosines.of(seen.normal, towards, seen.view)
@@ -57,9 +62,10 @@ class Shader:
             diffuse += irradiance * body
             specular += irradiance * gloss
             nearest = np.minimum(nearest, cosines.sin2_h)
+            grazing = np.minimum(grazing, np.abs(np.einsum("...i,...i->...", seen.normal, towards)))
         off = ~seen.on_sphere
         diffuse[off] = specular[off] = 0.0
-        return Shade(diffuse=diffuse, specular=specular, on_sphere=seen.on_sphere, sin2_h=nearest)
+        return Shade(diffuse=diffuse, specular=specular, on_sphere=seen.on_sphere, sin2_h=nearest, grazing=grazing)
 
 
 def lobes(material: Material, cosines: Cosines) -> tuple[Floats, Floats]:
@@ -91,7 +97,7 @@ def highlight_half_width_rad(material: Material) -> float:
     return float(theta[below[0]]) if len(below) else 1.0
 
 
-def highlight_normal(scene: Scene, light: AnyLight) -> Floats:
+def highlight_normal(scene: Scene, light: Light) -> Floats:
     """Normal (3,) in the middle of a light's highlight: it halves the directions to light and camera."""
     normal, camera = np.array([0.0, 0.0, 1.0]), scene.camera
     for _ in range(100):
