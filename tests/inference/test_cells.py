@@ -1,0 +1,98 @@
+"""Cells hold the photograph: nothing is lost, nothing biased, nothing flagged gets in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from toolkit.inference import cells as module
+from toolkit.inference.cells import Cells, gather
+from toolkit.inference.fit import Optimum, fit, pose
+from toolkit.inference.model import Model, lit_by
+from toolkit.inference.normal import inverse
+from toolkit.records import LinearImage, Plane, Scene
+from toolkit.reflectance import LOBES
+
+from .ball import NOISE, photograph, radiance_of
+
+
+@pytest.mark.parametrize("mosaic", [False, True])
+def test_each_usable_sample_is_in_one_cell(mosaic: bool) -> None:
+    """The counts of the cells add up to the lit samples of the sphere, within its rim."""
+    radiance, scene = radiance_of(300)
+    cells = gather(photograph(radiance, seed=0, mosaic=mosaic), scene)
+    y, x = np.mgrid[:300, :300].astype(float)
+    lit = lit_by(scene, x, y)[0].cosines
+    inside = (lit.n_dot_v > module.MIN_N_DOT_V) & (lit.n_dot_l > module.MIN_N_DOT_L)
+    share = [1 / 4, 1 / 2, 1 / 4] if mosaic else [1, 1, 1]
+    for data, part in zip(cells.channels, share, strict=True):
+        assert data.count.sum() == pytest.approx(part * inside.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("mosaic", [False, True])
+def test_the_nodes_predict_the_mean_of_the_samples(mosaic: bool) -> None:
+    """A rendered lobe, averaged over pixels and cells, agrees with the weighted mean over each cell's nodes."""
+    radiance, scene = radiance_of(400, roughness_rad=0.08)
+    clean = replace(NOISE, gain=np.full(3, 1e-12), read=np.full(3, 1e-9))
+    cells = gather(photograph(radiance, seed=0, noise=clean, mosaic=mosaic), scene)
+    lit = lit_by(scene, *cells.nodes())[0]
+    specular = LOBES["torrance-sparrow"].value(lit.cosines, (0.08,)) * (0.04 * (1 - lit.schlick) + lit.schlick)
+    diffuse = LOBES["lambert"].value(lit.cosines, ())
+    for channel, albedo in enumerate((0.45, 0.2, 0.08)):
+        data = cells.channels[channel]
+        nodes = lit.colour[channel] * (albedo * diffuse + specular)[:, data.rows]
+        predicted = np.einsum("kn,kn->n", data.weights, nodes)
+        assert np.allclose(predicted, data.value, rtol=0, atol=2e-5 * radiance.max())
+
+
+def test_flagged_samples_take_no_part() -> None:
+    """Spoiled samples that are flagged change no cell's value; only the number of samples falls."""
+    radiance, scene = radiance_of(300)
+    image = photograph(radiance, seed=0, mosaic=False)
+    spoiled = _spoil(image)
+    clean, holed = gather(image, scene), gather(spoiled, scene)
+    for c in range(3):
+        assert holed.channels[c].count.sum() < clean.channels[c].count.sum()
+        assert holed.channels[c].value.max() < 10.0
+
+
+def test_unflagged_spoiling_would_show() -> None:
+    """The control of the test above: the same samples unflagged do change cells."""
+    radiance, scene = radiance_of(300)
+    planes = tuple(
+        replace(plane, flags=np.zeros_like(plane.flags)) for plane in _spoil(photograph(radiance, seed=0)).planes
+    )
+    cells = gather(replace(photograph(radiance, seed=0), planes=planes), scene)
+    assert max(data.value.max() for data in cells.channels) > 10.0
+
+
+@pytest.mark.parametrize("roughness", [0.02, 0.1])
+def test_cells_cost_less_than_a_thirtieth_of_an_sd(roughness: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit to cells and a fit to every single sample differ by less than 0.03 posterior sd in roughness."""
+    radiance, scene = radiance_of(256, roughness_rad=roughness)
+    image = photograph(radiance, seed=3, mosaic=False)
+    coarse = _fit(image, scene, gather(image, scene))
+    monkeypatch.setattr(module, "SMOOTH_RAD", 1e-6)
+    every = _fit(image, scene, gather(image, scene))
+    assert every.problem.cells.channels[0].count.max() == 1
+    sd = float(np.sqrt(inverse(every.joint)[-1, -1]))
+    # what varied inside the cells is lost, so the two estimates differ by chance as well: by no more than that
+    lost = float(np.sqrt(max(inverse(coarse.joint)[-1, -1] - sd**2, 0.0)))
+    assert abs(coarse.u[0] - every.u[0]) < 0.03 * sd + 3 * lost
+    assert lost < 0.2 * sd
+
+
+def _fit(image: LinearImage, scene: Scene, cells: Cells) -> Optimum:
+    return fit(pose(Model.named("torrance-sparrow"), scene, cells, image.noise))
+
+
+def _spoil(image: LinearImage) -> LinearImage:
+    rng = np.random.default_rng(5)
+
+    def spoil(plane: Plane) -> Plane:
+        bad = rng.random(plane.values.shape) < 0.01
+        return replace(plane, values=np.where(bad, np.float32(1e6), plane.values), flags=bad.astype(np.uint8))
+
+    return replace(image, planes=tuple(spoil(plane) for plane in image.planes))

@@ -1,0 +1,77 @@
+"""Model comparison: the lobe that made the photograph predicts it best, and only a real lead decides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolkit.inference.compare import blocks_of, elpd_blocks, rank
+from toolkit.inference.fit import fit, pose
+from toolkit.inference.infer import gather_for, infer
+from toolkit.inference.model import Model
+
+from .ball import NOISE, photograph, radiance_of
+
+
+@pytest.mark.parametrize("truth", ["ggx", "beckmann"])
+def test_the_true_lobe_is_preferred(truth: str) -> None:
+    """GGX made the photograph, or Beckmann: it is the best and leads by more than its own error."""
+    radiance, scene = radiance_of(240, truth, alpha=0.2)
+    image = photograph(radiance, seed=6)
+    cells = gather_for(image, scene)
+    fits = tuple(infer(image, scene, cells, Model.named(name), seed=1) for name in ("beckmann", "ggx", "phong"))
+    best, preferred, lead = rank(fits)
+    assert fits[best].model == truth
+    assert preferred == best
+    assert lead is not None
+    assert lead[0] > 2 * lead[1]
+
+
+def test_twins_are_not_decided() -> None:
+    """A model compared with itself is not preferred."""
+    radiance, scene = radiance_of(240)
+    image = photograph(radiance, seed=6)
+    found = infer(image, scene, gather_for(image, scene), Model.named("ggx"), seed=1)
+    assert rank((found, found))[1] is None
+
+
+def test_leaving_a_block_out_is_what_a_new_fit_without_it_predicts() -> None:
+    """The shortcut by Woodbury's identity equals an actual fit to all other blocks."""
+    from dataclasses import replace
+
+    radiance, scene = radiance_of(160)
+    image = photograph(radiance, seed=6)
+    cells = gather_for(image, scene)
+    optimum = fit(pose(Model.named("torrance-sparrow"), scene, cells, NOISE))
+    blocks = blocks_of(scene, cells)
+    quick = elpd_blocks(optimum, blocks)
+    for block in np.unique(blocks)[[1, -2]]:
+        kept = replace(cells, channels=tuple(d.picked(m := blocks[d.rows] != block, d.rows[m]) for d in cells.channels))
+        without = fit(pose(Model.named("torrance-sparrow"), scene, kept, NOISE), start=None)
+        held = replace(cells, channels=tuple(d.picked(m := blocks[d.rows] == block, d.rows[m]) for d in cells.channels))
+        assert quick[block] == pytest.approx(_density(without, held), abs=0.3)
+
+
+def _density(optimum: object, held: object) -> float:
+    """Log predictive density of held-out cells under a fit that never saw them, linearised at its own optimum."""
+    from toolkit.inference.model import columns, lit_by
+    from toolkit.inference.normal import inverse
+
+    problem = optimum.problem
+    cols = columns(
+        problem.model, problem.fresnel, lit_by(problem.scene, *held.nodes()), held, optimum.u, derivatives=True
+    )
+    rows, residuals, variances = [], [], []
+    for c, (col, data) in enumerate(zip(cols, held.channels, strict=True)):
+        index = problem.layout.index[c]
+        predicted = col.matrix @ optimum.x[index] + col.offset
+        jacobian = np.zeros((len(predicted), len(optimum.joint)))
+        jacobian[:, index] = col.matrix
+        jacobian[:, -1] = col.d_matrix[0] @ optimum.x[index] + col.d_offset[0]
+        rows.append(jacobian)
+        residuals.append(data.value - predicted)
+        variances.append(NOISE.variance(predicted, c) / data.count)
+    jacobian, residual, variance = np.vstack(rows), np.concatenate(residuals), np.concatenate(variances)
+    covariance = np.diag(variance) + jacobian @ inverse(optimum.joint) @ jacobian.T
+    _, log_determinant = np.linalg.slogdet(2 * np.pi * covariance)
+    return float(-0.5 * residual @ np.linalg.solve(covariance, residual) - 0.5 * log_determinant)

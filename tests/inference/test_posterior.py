@@ -1,0 +1,97 @@
+"""The posterior: emcee's answer is quadrature's, the same seed gives the same draws, bounds hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolkit.inference.cells import gather
+from toolkit.inference.diagnostics import split_r_hat
+from toolkit.inference.fit import Optimum, fit, pose
+from toolkit.inference.model import Model
+from toolkit.inference.posterior import sample
+from toolkit.inference.surrogate import surrogate_of
+from toolkit.records import Floats, Noise
+
+from .ball import NOISE, photograph, radiance_of
+
+
+def _optimum(noise: Noise = NOISE, model: str = "torrance-sparrow", diffuse: str = "lambert") -> Optimum:
+    radiance, scene = radiance_of(200)
+    image = photograph(radiance, seed=1, noise=noise)
+    return fit(pose(Model.named(model, diffuse), scene, gather(image, scene), noise))
+
+
+@pytest.fixture(scope="module")
+def optimum() -> Optimum:
+    """A fit of one roughness."""
+    return _optimum()
+
+
+def test_emcee_agrees_with_quadrature(optimum: Optimum) -> None:
+    """Mean within 0.05 sd and sd within 3 % of the integral over the one shape number, with 5,000 effective samples."""
+    draws = sample(optimum, seed=3, effective=6000, draws=8000)
+    mean, sd = _quadrature(optimum)
+    assert draws.diagnostics.ess_min >= 5000
+    assert abs(draws.u.mean() - mean) < 0.05 * sd
+    assert draws.u.std() == pytest.approx(sd, rel=0.03)
+    assert draws.diagnostics.r_hat_max < 1.02
+    assert draws.long_enough
+
+
+def test_the_surrogate_is_the_exact_density(optimum: Optimum) -> None:
+    """Within its reach the interpolated log density is the exact one."""
+    from toolkit.inference.surrogate import _exact
+
+    surrogate = surrogate_of(optimum)
+    for u in np.linspace(surrogate.low, surrogate.high, 11)[2:-2]:
+        density, mean, _ = _exact(optimum, u)
+        assert surrogate.log_density(u[None])[0] == pytest.approx(density, abs=0.02)
+        assert surrogate.conditional(u[None])[0][0] == pytest.approx(mean, rel=1e-4, abs=1e-7)
+
+
+def test_the_same_seed_gives_the_same_draws(optimum: Optimum) -> None:
+    """Draws depend on the seed alone."""
+    first, again, other = (sample(optimum, seed=s, effective=500, draws=400) for s in (7, 7, 8))
+    assert np.array_equal(first.u, again.u)
+    assert np.array_equal(first.x, again.x)
+    assert not np.array_equal(first.u, other.u)
+
+
+def test_draws_of_the_linear_numbers_have_the_joint_covariance(optimum: Optimum) -> None:
+    """Shape and colours are drawn jointly: their spread is that of the inverse of the joint normal matrix."""
+    draws = sample(optimum, seed=4, effective=4000, draws=4000)
+    joint = np.hstack([draws.x, draws.u])
+    expected = np.sqrt(np.diag(np.linalg.inv(optimum.joint)))
+    assert joint.std(axis=0) == pytest.approx(expected, rel=0.08)
+
+
+def test_no_draw_leaves_its_range() -> None:
+    """With noise as large as the signal the albedos near zero stay at least zero, F0 at most one."""
+    loud = Noise(gain=np.full(3, 1e-4), read=np.full(3, 1.0), source="given")
+    draws = sample(_optimum(loud), seed=1, effective=500, draws=1000)
+    names = [name for name, _ in _optimum(loud).problem.layout.names]
+    for i, name in enumerate(names):
+        if name != "pedestal":
+            assert draws.x[:, i].min() >= 0.0
+        if name == "specular_f0":
+            assert draws.x[:, i].max() <= 1.0
+
+
+def test_split_r_hat_tells_chains_that_disagree() -> None:
+    """Near 1 for chains of one distribution, far above it where one chain stands elsewhere or all of them drift."""
+    rng = np.random.default_rng(2)
+    chains = rng.standard_normal((4, 1000))
+    assert split_r_hat(chains) < 1.01
+    assert split_r_hat(chains + np.array([0, 0, 0, 2])[:, None]) > 1.2
+    assert split_r_hat(chains + np.linspace(0, 3, 1000)) > 1.2
+
+
+def _quadrature(optimum: Optimum) -> tuple[float, float]:
+    from toolkit.inference.surrogate import _exact
+
+    sd = float(np.sqrt(np.linalg.inv(optimum.joint)[-1, -1]))
+    u: Floats = optimum.u[0] + sd * np.linspace(-6, 6, 121)
+    weight = np.exp([_exact(optimum, np.array([v]))[0] for v in u])
+    mean = float(weight @ u / weight.sum())
+    return mean, float(np.sqrt(weight @ (u - mean) ** 2 / weight.sum()))
