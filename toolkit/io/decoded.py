@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+
+CheckSize = Callable[[int, int, int], None]  # width, height, bytes a pixel; raises where that is too much
 
 
 class Limits(NamedTuple):

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.io.decoded import Decoded
-from toolkit.io.raw import CheckSize
+from toolkit.io.decoded import CheckSize, Decoded
 
 if TYPE_CHECKING:
     import OpenEXR
@@ -21,22 +20,21 @@ def decode(path: str, check_size: CheckSize) -> Decoded:
     """The R, G, B of the first part (H, W, 3) float32, H and W those of the display window.
 
     Pixels of the display window that the data window does not hold are NaN.
-    Raises BadInputError for deep, subsampled, integer or one-channel files, and for what OpenEXR cannot decode.
+    Raises BadInputError for deep, subsampled, integer and one-channel files; OpenEXR raises RuntimeError on damage.
     """
     import OpenEXR
 
     if hasattr(OpenEXR, "setMaxImageSize"):  # from 3.5 on; the process's memory limit holds with any version
         OpenEXR.setMaxImageSize(_MOST_SIDE, _MOST_SIDE)
-    try:
-        with OpenEXR.File(path, header_only=True, num_threads=0) as file:
-            data, display = _windows(file.parts[0].header)
-            _check_part(file.parts[0])
-        check_size(*_extent(display), 12)
-        check_size(*_extent(data), 12)
-        with OpenEXR.File(path, separate_channels=True, num_threads=0) as file:
-            planes = _planes(file.parts[0].channels)
-    except (RuntimeError, ValueError, TypeError, KeyError, OverflowError) as error:
-        raise BadInputError(f"OpenEXR cannot decode it ({error}); write it again as scan-line RGB") from error
+    with OpenEXR.File(path, header_only=True, num_threads=0) as file:
+        data, display = _windows(file.parts[0].header)
+        _check_part(file.parts[0])
+    check_size(*_extent(display), 12)
+    check_size(*_extent(data), 12)
+    with OpenEXR.File(path, separate_channels=True, num_threads=0) as file:
+        if not file.parts:  # OpenEXR warns on standard error and leaves out the part that it could not read
+            raise BadInputError("the EXR's pixels do not decode; the file is damaged: copy or render it again")
+        planes = _planes(file.parts[0].channels)
     values = _on_display(planes, data, display)
     return Decoded(format="exr", encoding="linear", values=values, black=[0.0] * 3, white=[float("inf")] * 3)
 

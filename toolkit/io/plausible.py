@@ -1,17 +1,107 @@
-"""Whether decoded numbers can be a photograph: files that decode to nothing or to garbage are refused."""
+"""Whether decoded numbers can be a photograph: files that decode to nothing or to garbage are refused.
+
+Decoders accept much: a raw cut short may come back as zeros or as whatever the memory held before, a scanner's file as
+a camera's. Each test below names a property that every photograph has and that such numbers lack.
+"""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
 from toolkit.io.decoded import Decoded
+
+_SMALLEST = 8  # pixels a side
+_SOME = 250_000  # samples looked at: the properties are of the whole
+_FEWEST_BITS = 0.25  # a sample: a sensor's noise alone does not pack into less, lossy DNGs take about one
+_ABOVE_WHITE = 0.02  # of the range: more than saturation scatters
+_LOOSE = 0.1  # correlation of neighbours of one colour; photographs, noisy ones too, have over 0.5
+_WIDE = 0.05  # of the range: the deviation from which uncorrelated samples are no dark frame's noise
+_EMPTY_ROWS = 0.02  # of the height
 
 
 def check(decoded: Decoded, file_bytes: int) -> None:
     """Raise BadInputError where the numbers cannot be a photograph."""
     values = decoded.values
-    if values.size == 0 or min(values.shape[:2]) < 8:
-        raise BadInputError(f"it decodes to {values.shape[1]} x {values.shape[0]} pixels; a photograph is needed")
-    if np.ptp(values) == 0:
-        raise BadInputError("it decodes to nothing: every sample is the same; the file is damaged: copy it again")
+    height, width = values.shape[:2]
+    if min(height, width) < _SMALLEST:
+        raise BadInputError(f"it decodes to {width} x {height} pixels; a photograph has at least {_SMALLEST} a side")
+    some = _sample(values)
+    if _constant(some) and _constant(values):
+        raise BadInputError("it decodes to nothing: every sample is the same; copy it from the camera again")
+    if values.dtype.kind == "f":
+        return
+    if decoded.format == "raw":
+        _check_bits(values.size, file_bytes)
+        _check_levels(decoded, some)
+        _check_end(decoded)
+    _check_neighbours(decoded)
+
+
+def _sample(values: NDArray[Any]) -> NDArray[Any]:
+    """About `_SOME` samples in whole rows, from all over the image."""
+    step = max(values.size // _SOME, 1) | 1  # odd: both kinds of row of a mosaic
+    return values[::step]
+
+
+def _constant(values: NDArray[Any]) -> bool:
+    """Whether all finite samples are equal, or none is finite."""
+    if values.dtype.kind == "f":
+        values = values[np.isfinite(values)]
+    return values.size == 0 or bool(values.min() == values.max())
+
+
+def _check_bits(samples: int, file_bytes: int) -> None:
+    bits = 8.0 * file_bytes / samples
+    if bits < _FEWEST_BITS:
+        raise BadInputError(
+            f"{file_bytes} bytes for {samples / 1e6:.1f} million samples; no camera packs its noise so tightly: the "
+            "file is cut short or damaged: copy it from the camera again"
+        )
+
+
+def _check_levels(decoded: Decoded, some: NDArray[Any]) -> None:
+    white, black = float(np.max(decoded.white)), float(np.min(decoded.black))
+    middle = float(np.median(some))
+    if not 0.0 <= black < white:
+        raise BadInputError(f"its black level {black:g} is not below its white level {white:g}; the file is damaged")
+    if middle > white + _ABOVE_WHITE * (white - black):
+        raise BadInputError(
+            f"half of its samples lie above {middle:g}, its white level is {white:g}; the raw is damaged or of an "
+            "unsupported kind: export it as DNG, or 16-bit TIFF"
+        )
+
+
+def _check_end(decoded: Decoded) -> None:
+    """A raw cut short ends in rows of zeros, which a sensor with a black level above zero never gives."""
+    values = decoded.values
+    rows = max(int(_EMPTY_ROWS * values.shape[0]), 4)
+    borders = (values[:rows], values[-rows:], values[:, :rows], values[:, -rows:])  # it may have been turned
+    if np.min(decoded.black) > 0 and any(not border.any() for border in borders):
+        raise BadInputError("a part of it decodes to zeros; the file is cut short: copy it from the camera again")
+
+
+def _check_neighbours(decoded: Decoded) -> None:
+    """Next samples of one colour belong together; numbers that do not are a decoder's misunderstanding."""
+    values = decoded.values
+    spacing = 2 if decoded.cfa is not None else 1
+    step = max(values.size // _SOME, 1)
+    rows = values[::step].astype(float)
+    columns = values[:, ::step].astype(float)
+    spread = float(rows.std())
+    along = _correlation(rows[:, :-spacing], rows[:, spacing:])
+    across = _correlation(columns[:-spacing], columns[spacing:])
+    scale = float(np.max(decoded.white) - np.min(decoded.black))
+    if spread > _WIDE * scale and max(along, across) < _LOOSE:
+        raise BadInputError(
+            f"its neighbouring samples are unrelated (correlation {max(along, across):.2f}); it decodes to garbage: "
+            "export it as DNG, or 16-bit TIFF"
+        )
+
+
+def _correlation(first: NDArray[Any], second: NDArray[Any]) -> float:
+    both = float(first.std() * second.std())
+    return float(((first - first.mean()) * (second - second.mean())).mean()) / both if both > 0 else 1.0

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
 from toolkit.io import png
-from toolkit.io.decoded import Decoded
+from toolkit.io.decoded import CheckSize, Decoded
 from toolkit.io.orientation import upright
-from toolkit.io.raw import CheckSize
 
 EXIF_ORIENTATION = 274
 
@@ -20,7 +19,7 @@ def decode_png(path: str, check_size: CheckSize) -> Decoded:
     """A PNG: 16 bits without a transfer curve are linear, everything else is encoded."""
     header = png.read_header(path)
     check_size(header.width, header.height, 3 * max(header.bits // 8, 1))
-    values = three_colours(_opencv(path))
+    values = three_colours(opencv(path))
     encoding = "linear" if header.bits == 16 and not header.transfer_named else "encoded"
     return integers("png", encoding, values)
 
@@ -28,7 +27,7 @@ def decode_png(path: str, check_size: CheckSize) -> Decoded:
 def decode_radiance(path: str, check_size: CheckSize) -> Decoded:
     """A Radiance picture, decoded to float32 as stored."""
     check_size(*_radiance_size(path), 12)
-    values = three_colours(_opencv(path))
+    values = three_colours(opencv(path))
     if values.dtype != np.float32:
         raise BadInputError("a Radiance file that does not decode to floats; write it again as 32-bit_rle_rgbe")
     return Decoded(format="hdr", encoding="linear", values=values, black=[0.0] * 3, white=[float("inf")] * 3)
@@ -39,15 +38,12 @@ def decode_other(path: str, check_size: CheckSize) -> Decoded:
     from PIL import Image
 
     Image.MAX_IMAGE_PIXELS = None  # check_size is asked before anything is decoded
-    try:
-        with Image.open(path, formats=("TGA", "JPEG", "BMP", "WEBP", "PPM")) as image:
-            check_size(*image.size, 3)
-            code = int(image.getexif().get(EXIF_ORIENTATION, 1))
-            if image.mode in ("1", "L", "LA", "I", "I;16", "F"):
-                raise BadInputError("an image with one channel; three colours are needed")
-            values = np.asarray(image.convert("RGB"))
-    except (OSError, SyntaxError, ValueError, EOFError, TypeError, AttributeError, KeyError, IndexError) as error:
-        raise BadInputError(f"the image does not decode ({error}); expected raw, EXR, PNG, TIFF or HDR") from error
+    with Image.open(path, formats=("TGA", "JPEG", "BMP", "WEBP", "PPM")) as image:
+        check_size(*image.size, 3)
+        code = int(image.getexif().get(EXIF_ORIENTATION, 1))
+        if image.mode in ("1", "L", "LA", "I", "I;16", "F"):
+            raise BadInputError("an image with one channel; three colours are needed")
+        values = np.asarray(image.convert("RGB"))
     return integers("image", "encoded", np.ascontiguousarray(upright(values, code)))
 
 
@@ -64,13 +60,10 @@ def three_colours(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values[..., 2::-1])
 
 
-def _opencv(path: str) -> NDArray[Any]:
+def opencv(path: str) -> NDArray[Any]:
     import cv2
 
-    try:
-        values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise BadInputError(f"OpenCV cannot decode it ({error.err or 'no reason given'})") from error
+    values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None:
         raise BadInputError("OpenCV cannot decode it; the file is damaged: copy or export it again")
     return np.asarray(values)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.io.decoded import Decoded
+from toolkit.io.decoded import CheckSize, Decoded
 from toolkit.io.orientation import EXIF_OF_FLIP, upright, upright_tile
 
 if TYPE_CHECKING:
     import rawpy
 
 _CHANNEL = {"R": 0, "G": 1, "B": 2}
-CheckSize = Callable[[int, int, int], None]
 
 
 def decode(path: str, check_size: CheckSize) -> Decoded:
@@ -28,9 +26,13 @@ def decode(path: str, check_size: CheckSize) -> Decoded:
     import rawpy
 
     try:
-        with rawpy.RawPy() as raw:
-            raw.open_file(path)
-            return _decode_open(raw, check_size)
+        raw = rawpy.RawPy()  # never closed: the pixels handed on are its own, and keep it
+        raw.open_file(path)
+        return _decode_open(raw, check_size)
+    except rawpy.LibRawIOError as error:
+        raise BadInputError(
+            "the raw ends before its pixels do; it is cut short: copy it from the camera again"
+        ) from error
     except rawpy.LibRawError as error:
         raise BadInputError(f"LibRaw cannot decode it ({_reason(error)}); export it as DNG, or 16-bit TIFF") from error
 
@@ -56,7 +58,7 @@ def _mosaic(raw: rawpy.RawPy) -> Decoded:
     return Decoded(
         format="raw",
         encoding="linear",
-        values=upright(visible, code).copy(),  # LibRaw's buffer ends with the file
+        values=upright(visible, code),
         cfa=upright_tile(channel[colours], shape, code).tolist(),
         black=upright_tile(black, shape, code).tolist(),
         white=upright_tile(white, shape, code).tolist(),
@@ -97,7 +99,7 @@ def _linear_rgb(raw: rawpy.RawPy) -> Decoded:
     if raw.num_colors != 3:
         raise BadInputError(f"a raw of {raw.num_colors} colours a pixel; red, green and blue are needed")
     code = EXIF_OF_FLIP.get(raw.sizes.flip, 1)
-    values = np.ascontiguousarray(upright(raw.raw_image_visible, code)[..., :3])
+    values = upright(raw.raw_image_visible, code)[..., :3]
     return Decoded(
         format="raw",
         encoding="linear",

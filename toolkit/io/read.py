@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from toolkit.errors import BadInputError
-from toolkit.io import child, isolate
+from toolkit.io import decode, isolate
 from toolkit.io.decoded import Decoded, Limits
 from toolkit.io.kinds import kind_of
 from toolkit.records import Metadata, RawFrame
@@ -38,7 +38,7 @@ def _read(path: str, limits: Limits, *, isolated: bool) -> RawFrame:
     try:
         kind = kind_of(path)
         with _Digest(path) as digest:
-            decoded = isolate.decode(kind, path, limits) if isolated else child.decode(kind, path, limits)
+            decoded = isolate.decode(kind, path, limits) if isolated else decode.decode(kind, path, limits)
         return _frame(name, digest.value, decoded)
     except BadInputError as error:
         raise BadInputError(f"{name}: {error}") from error
