@@ -1,0 +1,58 @@
+"""What every file and every field of a result means; the page ends with it, the documentation shows the same."""
+
+from __future__ import annotations
+
+FILES = (
+    (".html", "this page"),
+    (".json", "the result: every number of this page; the same run gives the same bytes"),
+    (".run.json", "seconds by stage, the machine, the time: what differs from run to run"),
+    (".settings.toml", "the complete settings; `--scene` reads them back"),
+    (
+        ".posterior.nc",
+        "every posterior draw (netCDF-4, as ArviZ reads it): posterior, sample_stats and fit of the best fit at the "
+        "root, of the others under /fits/NAME",
+    ),
+    (
+        ".layers.exr",
+        "float pictures on the sphere's box, image units, camera RGB: diffuse, specular, model and residual with .R .G "
+        ".B; a mosaic's at half resolution; 0 off the sphere; model = diffuse + specular + pedestal",
+    ),
+)
+
+FIELDS = (
+    ("status, error", "ok, or failed and why, in one line"),
+    ("flags", "what a reader must know; below, in words"),
+    ("image", "name, SHA-256, size in pixels, camera; colours are the camera's own red, green, blue"),
+    ("noise", "variance of a sample = gain × signal + read², image units, one number a channel"),
+    ("scale", "absolute where the irradiance is given; relative: albedos are in units of the unknown scale"),
+    ("sphere", "centre and radius in pixels, where the fits started; sd of x, y, radius; given: what the settings say"),
+    (
+        "lights",
+        "as given or estimated, camera frame (x right, y up, z to the camera); fitted: where the best fit put it",
+    ),
+    ("separation", "by colour alone: unit colours of body and light, the angle between them in degrees"),
+    (
+        "fits[].parameters",
+        "estimate: posterior mean; mode; sd: with calibration and model error; sd_statistical: noise alone",
+    ),
+    ("… interval_68, _90", "equal-tailed posterior intervals, low and high"),
+    ("… posterior_to_prior", "width of the posterior over that of the prior: near 1, the photograph tells nothing"),
+    ("fits[].chi2_reduced", "misfit over measurement noise alone; 1 is perfect"),
+    ("fits[].elpd", "expected log predictive density, over blocks of the surface; larger is better"),
+    ("fits[].posterior", "draws, least effective draws, largest R-hat and autocorrelation time, acceptance, seed"),
+    ("best, preferred", "indices into fits; preferred is null where the data do not decide"),
+    ("elpd_difference", "the best over the runner-up, and the sd of that"),
+)
+
+GLOSSARY = (
+    ("image units", "linear; a raw sample is (stored − black) / (white − black)"),
+    ("albedo", "share of the light scattered back by a matte body that looks equally bright from everywhere"),
+    ("roughness", "standard deviation of the tilt of the tiny facets that make up the surface"),
+    ("alpha", "width of the facets' slopes as renderers count it; Beckmann's is √2 × the slopes' sd"),
+    ("F0", "share of the light mirrored head on: 0.04 for glass and plastic, above 0.5 for metals"),
+    ("pedestal", "what is added everywhere: flare, an error of the black level"),
+    (
+        "sd, noise only",
+        "were the calibration exactly known and the model exactly right; the honest sd is the wider one",
+    ),
+)
