@@ -25,6 +25,7 @@ class Flag(StrEnum):
     HIGHLIGHT_CLIPPED = "highlight_clipped"
     HIGHLIGHT_UNSEEN = "highlight_unseen"
     COLOUR_CANNOT_SEPARATE = "colour_cannot_separate"
+    MATTE_LINE_BENT = "matte_line_bent"
     NOT_IDENTIFIED = "not_identified"
     NEAR_BOUND = "near_bound"
     POOR_FIT = "poor_fit"
@@ -45,6 +46,7 @@ MEANING: dict[Flag, str] = {
     Flag.HIGHLIGHT_CLIPPED: "the highlight's core is clipped: its height is not seen",
     Flag.HIGHLIGHT_UNSEEN: "no usable sample shows the highlight: the specular numbers come from its tail",
     Flag.COLOUR_CANNOT_SEPARATE: "body and illuminant colour are too close for colour alone to separate",
+    Flag.MATTE_LINE_BENT: "dim and bright pixels disagree on the body colour: not linear, or highlight over everything",
     Flag.NOT_IDENTIFIED: "this photograph does not determine the parameter",
     Flag.NEAR_BOUND: "the parameter lies at a bound of what is allowed",
     Flag.POOR_FIT: "the model leaves residuals far above the noise",

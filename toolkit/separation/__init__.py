@@ -1,5 +1,9 @@
 """Separation into body and light by colour alone; what needs the known shape lives in `toolkit.inference`."""
 
+from .card import grey_card
 from .dichromatic import separate
+from .illuminant import Illuminant, best_illuminant, illuminant
+from .planes import common_line
+from .pooling import pool
 
-__all__ = ["separate"]
+__all__ = ["Illuminant", "best_illuminant", "common_line", "grey_card", "illuminant", "pool", "separate"]

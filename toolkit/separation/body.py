@@ -19,12 +19,17 @@ from .samples import Blocks
 
 TUKEY = 4.685  # biweight: 95 % efficient on Gaussian noise
 FAINTEST = 0.15  # of the brightest blocks: fainter ones say nothing of the edge
+SHADOW = 0.03  # of the brightest blocks: the body is dark there
+FEWEST = 20  # blocks that a veil or a bend is judged by
+DIM, BRIGHT = (0.3, 0.5), (0.75, 1.1)  # parts of the matte line, of the brightest blocks
+BEND = 0.07  # of the angle between body and light; photographs of balls stay within 0.03, encoded ones reach 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Body:
     """`colour` (3,) unit norm with covariance (3, 3); `misfit` is the rms distance of the blocks from the plane
     of body and light over what the noise allows; `off_plane` the same distance in radiance.
+    `veil` is what lies over everything along the light's colour, radiance; `bent` tells of a matte line that is none.
     `seen` is False where no colour other than the light's stands out from the noise: `colour` is then the light's.
     """
 
@@ -32,8 +37,9 @@ class Body:
     covariance: Floats
     misfit: float
     off_plane: float
-    matte_share: float
-    seen: bool
+    veil: float = 0.0
+    bent: bool = False
+    seen: bool = False
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -48,9 +54,10 @@ def body_colour(cloud: Blocks, light: Floats) -> Body:
     values, axes = np.linalg.eigh(scatter)
     typical = float(np.trace(noise.mean(axis=0)) / 2)
     if values[1] < typical * 6 * math.sqrt(2 / len(q)):
-        return Body(
-            colour=light, covariance=np.eye(3), misfit=1.0, off_plane=math.sqrt(typical), matte_share=0.0, seen=False
-        )
+        faintest = math.sqrt(max(values[1], typical * 6 * math.sqrt(2 / len(q))))
+        sd = faintest / max(float(np.sqrt(np.mean((cloud.colour @ light) ** 2))), 1e-300)
+        spread = min(sd, 1.0) ** 2 / 2 * across.T @ across
+        return Body(colour=light, covariance=spread, misfit=1.0, off_plane=math.sqrt(typical))
     towards = axes[:, 1] * np.sign(axes[:, 1] @ q.sum(axis=0) or 1.0)
     towards, turn_variance, scale, off = _refine(q, noise, towards)
     u = towards @ across
@@ -86,15 +93,51 @@ def _refine(q: Floats, noise: Floats, towards: Floats) -> tuple[Floats, float, f
 def _along(cloud: Blocks, light: Floats, u: Floats, turn_variance: float, scale: float, off: float) -> Body:
     """The matte line within the plane, and both errors as a covariance of the unit colour."""
     t, m = cloud.colour @ light, cloud.colour @ u
-    use = m > FAINTEST * float(np.quantile(m, 0.98))
-    variance = cloud.variance[use] * scale**2 + 1e-18 * float(np.abs(t).max()) ** 2
-    edge = lower_edge(t[use], m[use], variance @ light**2, variance @ u**2, variance @ (light * u))
+    variance = cloud.variance * scale**2
+    top = float(np.quantile(m, 0.98))
+    veil = _veil(t, m / top, variance @ light**2)
+    use = m > FAINTEST * top
+    t, m, variance = t[use] - veil, m[use], variance[use]
+    noise = variance @ light**2, variance @ u**2, variance @ (light * u)
+    edge = lower_edge(t, m, *noise)
     colour = u + edge.slope * light
     length = float(np.linalg.norm(colour))
     colour = colour / length
     side = np.cross(light, u)
     tilt = (light - (light @ colour) * colour) / length  # how the unit colour moves with the slope
     covariance = turn_variance / length**2 * np.outer(side, side) + edge.sd**2 * np.outer(tilt, tilt)
+    ratio_sd = float(np.sqrt(np.median(noise[0] + edge.slope**2 * noise[1]))) / (DIM[0] * top)
     return Body(
-        colour=colour, covariance=covariance, misfit=scale, off_plane=off, matte_share=edge.matte_share, seen=True
+        colour=colour,
+        covariance=covariance,
+        misfit=scale,
+        off_plane=off,
+        veil=veil,
+        bent=_bent(t / m, m / top, ratio_sd),
+        seen=True,
     )
+
+
+def _veil(t: Floats, brightness: Floats, variance: Floats) -> float:
+    """Light of the light's own colour that lies over everything, seen where the body is in shadow; 0 if none is."""
+    shadow = np.abs(brightness) < SHADOW
+    if np.count_nonzero(shadow) < FEWEST:
+        return 0.0
+    level = float(np.quantile(t[shadow], 0.05))  # the least: a veil may grow towards the limb
+    return level if level > 5 * float(np.sqrt(np.median(variance[shadow]))) else 0.0
+
+
+def _bent(ratio: Floats, brightness: Floats, ratio_sd: float) -> bool:
+    """Whether the cluster's lower edge points elsewhere among dim blocks than among bright ones.
+
+    A linear picture has one matte line. One that is not linear has a bent one, and so has a highlight so broad that
+    it leaves no bright pixel matte: either way the body colour is not what it seems.
+    """
+    edges = []
+    for low, high in (DIM, BRIGHT):
+        held = ratio[(brightness > low) & (brightness < high)]
+        if len(held) < FEWEST:
+            return False
+        edges.append(math.atan2(1.0, float(np.quantile(held, 0.1))))
+    dim, bright = edges
+    return abs(dim - bright) > BEND * bright + 3 * ratio_sd * math.sin(bright) ** 2

@@ -16,7 +16,8 @@ from .samples import Blocks
 
 Kind = Literal["point", "line", "plane", "volume"]
 SIGNIFICANT = 6.0  # sd of a noise eigenvalue above its expectation
-THIN = 0.06  # a plane's thickness over its width, beyond which it is a volume
+THIN = 0.06  # a plane's thickness over its width, beyond which it is a volume ...
+FLAT = 0.015  # ... where it also is this part of its length: lenses alone leave 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,4 +49,4 @@ def _kind(extent: Floats) -> Kind:
         return "point"
     if extent[1] == 0:
         return "line"
-    return "volume" if extent[2] > THIN * extent[1] else "plane"
+    return "volume" if extent[2] > max(THIN * extent[1], FLAT * extent[0]) else "plane"

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.errors import BadInputError
 from toolkit.flags import Flag
 from toolkit.records import ColourLayers, Floats, Noise
 
 from .body import Body, body_colour
 from .cluster import Cluster, classify
+from .fill import fill
 from .highlight import HighlightLine, highlight_line
-from .projection import Layers, project
-from .samples import Blocks, Mask, block_size, blocks, samples
+from .illuminant import of_samples, unit_colour
+from .projection import Layers, project, unknown
+from .samples import Blocks, Mask, Samples, block_size, blocks, samples
 
 SMALLEST_ANGLE_DEG = 3.0  # below it, 1 % noise leaves 60 % error in the specular layer
 WORST_SPECULAR = 0.5  # relative rms error of the specular layer that noise alone would leave
@@ -34,7 +35,7 @@ def separate(
     usable: Mask | None = None,
     bloom: Mask | None = None,
     on_sphere: Mask | None = None,
-    light_colour: Floats,
+    light_colour: Floats | None = None,
     light_covariance: Floats | None = None,
     light_source: str = "given",
     origin_px: tuple[float, float] = (0.0, 0.0),
@@ -44,17 +45,23 @@ def separate(
 
     `variance` of its samples: (h, w, 3), (3,), or a Noise; `usable` (h, w, 3) False where a channel is clipped;
     `bloom` (h, w) True beside clipped pixels; `on_sphere` (h, w). `light_colour` (3,) of any length, its covariance
-    (3, 3) at unit length. Pixels with two usable channels are separated by those two; with fewer they are NaN.
+    (3, 3) at unit length; without it, it is estimated from the highlight (`best_illuminant` knows more ways).
+    Pixels with clipped channels are separated by the others and by the body's shading around;
+    where none is left, the specular layer holds the least it can be and its variance is infinite.
     Raises BadInputError for wrong shapes, no light, or too few pixels with all channels usable.
     """
-    light = _unit_colour(light_colour)
-    of_light = np.zeros((3, 3)) if light_covariance is None else np.asarray(light_covariance, float)
     ready = samples(picture, variance=variance, usable=usable, bloom=bloom, on_sphere=on_sphere)
+    if light_colour is None:
+        source = of_samples(ready)
+        light, of_light, light_source = source.colour, source.covariance, source.source
+    else:
+        light = unit_colour(light_colour)
+        of_light = np.zeros((3, 3)) if light_covariance is None else np.asarray(light_covariance, float)
     cloud = blocks(ready, block_size(ready))
     cluster = classify(cloud)
     body = body_colour(cloud, light)
     line = highlight_line(cloud, body.colour, light) if body.seen else None
-    found = project(ready, body.colour, light, body_covariance=body.covariance, light_covariance=of_light)
+    found = _layers(ready, body, light, of_light)
     clipped = 1 - np.count_nonzero(ready.weight) / np.count_nonzero(ready.on_sphere)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
     return ColourLayers(
@@ -79,11 +86,12 @@ def separate(
     )
 
 
-def _unit_colour(colour: Floats) -> Floats:
-    colour = np.asarray(colour, float)
-    if colour.shape != (3,) or not np.all(np.isfinite(colour)) or np.any(colour < 0) or not np.any(colour > 0):
-        raise BadInputError(f"light colour is {colour.tolist()}; expected three numbers, none negative, not all 0")
-    return np.asarray(colour / np.linalg.norm(colour))
+def _layers(ready: Samples, body: Body, light: Floats, of_light: Floats) -> Layers:
+    """All pixels on the two colours; nothing but NaN where the body's colour is not seen beside the light's."""
+    if not body.seen:
+        return unknown(ready)
+    found = project(ready, body.colour, light, body_covariance=body.covariance, light_covariance=of_light)
+    return fill(ready, found, body.colour, light)
 
 
 def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Floats) -> tuple[float, float]:
@@ -107,13 +115,16 @@ def _flags(
     clipped: float,
 ) -> tuple[str, ...]:
     flags = []
-    if not body.seen or angle[0] < max(SMALLEST_ANGLE_DEG, 3 * angle[1]) or specular_error > WORST_SPECULAR:
+    noisy = line is not None and specular_error > WORST_SPECULAR
+    if not body.seen or cluster.kind == "point" or noisy or angle[0] < max(SMALLEST_ANGLE_DEG, 3 * angle[1]):
         flags.append(Flag.COLOUR_CANNOT_SEPARATE)
     if line is None and body.seen:
         flags.append(Flag.NO_SPECULAR)
     bright = float(np.sqrt(np.mean(cloud.colour**2)))
     if cluster.kind == "volume" or (body.misfit > WORST_MISFIT and body.off_plane > WORST_OFF_PLANE * bright):
         flags.append(Flag.POOR_FIT)
+    if body.bent:
+        flags.append(Flag.MATTE_LINE_BENT)
     if clipped > CLIPPED_SHARE:
         flags.append(Flag.CLIPPED)
     return tuple(flags)
@@ -122,6 +133,11 @@ def _flags(
 def _specular_error(found: Layers, light: Floats) -> float:
     """Relative rms error of the specular layer that its own covariance predicts."""
     some = slice(None, None, max(found.residual.size // 8192, 1))
-    variance = float(np.nanmean(found.covariance.reshape(-1, 3)[some, 2]))
-    power = float(np.nanmean((found.specular.reshape(-1, 3)[some] @ light) ** 2)) - variance
-    return float(np.sqrt(variance / power)) if power > 0 else np.inf
+    variance = found.covariance.reshape(-1, 3)[some, 2].astype(float)
+    light_part = found.specular.reshape(-1, 3)[some] @ light
+    sound = np.isfinite(variance) & np.isfinite(light_part)
+    if not sound.any():
+        return np.inf
+    noise = float(variance[sound].mean())
+    power = float((light_part[sound] ** 2).mean()) - noise
+    return float(np.sqrt(noise / power)) if power > 0 else np.inf

@@ -10,7 +10,7 @@ from toolkit.records import Floats, readonly
 
 from .samples import Blocks
 
-LEAST = 8  # blocks of highlight that a line needs
+LEAST = 3  # blocks of highlight that a line needs
 STANDS_OUT = 6.0  # sd above the matte line
 
 

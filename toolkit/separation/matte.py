@@ -19,14 +19,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
 LOW, HIGH, STEP = -8.0, 24.0, 0.125  # the window of z = (t - slope m) / sd that the mixture describes
 WIDTHS = (0.75, 1.5, 3.0, 6.0, 12.0, 24.0)  # of the half-uniforms, in sd
-STRAY = 0.002  # weight of what belongs to no component: dust, a foreign pixel
+STRAY = 0.001  # of the samples belong to no component: dust, a foreign pixel
 FIRST_NOISE = 0.02  # of the largest m: the noise that the first and coarsest level pretends
 FINER = 0.25  # from level to level
+FINEST = 1e-12  # of the largest m: rounding
+FEWEST = 5  # samples on the line, below which a level says nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,74 +77,98 @@ def score(share: Floats) -> Floats:
     return np.asarray(-(share @ SLOPE) / f)
 
 
-def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) -> Edge:
-    """Fit t = slope m + s, s >= 0, to samples (N,), m > 0, with their noise (N,) each, all in the same units."""
-    noise = (var_t, var_m, cov)
-    top = float(np.quantile(m, 0.98))
-    bright = m > 0.3 * top
-    found = _Level(slope=float(np.quantile(t[bright] / m[bright], 0.1)), share=FLAT, information=0.0)
-    floor = float(np.sqrt(np.median(_variance(found.slope, noise))))
-    before = found
-    for pretend in _levels(FIRST_NOISE * top, floor):
-        sd = np.sqrt(_variance(found.slope, noise) + pretend**2)
-        ceiling = float(np.quantile((t[bright] + 3 * sd[bright]) / m[bright], STRAY))
-        start = _Level(slope=min(found.slope, ceiling), share=found.share, information=0.0)
-        finer = _settle(start, t, m, noise, pretend)
-        if finer is None:
-            break
-        before, found = found, finer
-    pull = 0.5 * (before.slope - found.slope)  # the tail's pull falls by about 3 from level to level
-    return Edge(
-        slope=found.slope,
-        sd=math.sqrt(1.0 / max(found.information, 1e-300) + pull**2),
-        matte_share=float(found.share[0]),
-    )
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Cloud:
+    """Samples (n,) along the light, t, and across it, m, with the noise of each and what the two share."""
+
+    t: Floats
+    m: Floats
+    var_t: Floats
+    var_m: Floats
+    cov: Floats
+
+    def variance(self, slope: float, pretend: float) -> Floats:
+        """Of t - slope m, the pretended noise on top."""
+        return np.asarray(self.var_t + slope**2 * self.var_m - 2 * slope * self.cov + pretend**2)
+
+    def where(self, keep: NDArray[np.bool_]) -> _Cloud:
+        return _Cloud(
+            t=self.t[keep], m=self.m[keep], var_t=self.var_t[keep], var_m=self.var_m[keep], cov=self.cov[keep]
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Level:
-    """The line at one level of noise, the mixture's weights, and the slope's information."""
+    """The line at one level of noise, the mixture's weights, the slope's information, the scatter about the line."""
 
     slope: float
     share: Floats
-    information: float
+    information: float = 0.0
+    scatter: float = 0.0
 
 
-FLAT = np.full(len(DENSITY), 1.0 / len(DENSITY))
+def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) -> Edge:
+    """Fit t = slope m + s, s >= 0, to samples (N,), m > 0, with their noise (N,) each, all in the same units."""
+    cloud = _Cloud(t=t, m=m, var_t=var_t, var_m=var_m, cov=cov)
+    top = float(np.quantile(m, 0.98))
+    bright = m > 0.3 * top
+    start = float(np.quantile(t[bright] / m[bright], 0.1))
+    before = found = _Level(slope=start, share=np.full(len(DENSITY), 1.0 / len(DENSITY)))
+    floor = max(0.5 * float(np.sqrt(np.median(cloud.variance(start, 0.0)))), FINEST * top)
+    pretend = FIRST_NOISE * top
+    while pretend >= 0:
+        finer = _settle(cloud, _below_cloud(cloud, found, pretend, 0.3 * top), pretend)
+        if finer is None:
+            break
+        before, found = found, finer
+        away = cloud.t - found.slope * cloud.m
+        # what lies beyond the window at this level cannot come back at a finer one
+        cloud = cloud.where(away < HIGH * np.sqrt(cloud.variance(found.slope, pretend)))
+        pretend = _next(pretend, found.scatter, floor)
+    pull = 0.5 * (before.slope - found.slope)  # the tail's pull falls by about 3 from level to level
+    sd = math.sqrt(1.0 / max(found.information, 1.0 / (1 + found.slope**2)) + pull**2)
+    return Edge(slope=found.slope, sd=sd, matte_share=float(found.share[0]))
 
 
-def _variance(slope: float, noise: tuple[Floats, Floats, Floats]) -> Floats:
-    var_t, var_m, cov = noise
-    return np.asarray(var_t + slope**2 * var_m - 2 * slope * cov)
+def _next(pretend: float, scatter: float, floor: float) -> float:
+    """A finer pretended noise, 0 once the real one rules, -1 after that; straight to what scatter there is."""
+    if pretend == 0:
+        return -1.0
+    finer = min(pretend * FINER, max(2 * scatter, floor))
+    return finer if finer > floor else 0.0
 
 
-def _levels(first: float, floor: float) -> list[float]:
-    """Falling pretended noise, ending with none."""
-    count = max(math.ceil(math.log(max(0.5 * floor, 1e-12 * first) / first) / math.log(FINER)), 0)
-    return [first * FINER**k for k in range(count)] + [0.0]
+def _below_cloud(cloud: _Cloud, level: _Level, pretend: float, faint: float) -> _Level:
+    """The line lowered until no more than strays lie under it: highlights only ever add."""
+    bright = cloud.m > faint
+    reach = cloud.t[bright] + 3 * np.sqrt(cloud.variance(level.slope, pretend)[bright])
+    if not reach.size:
+        return level
+    ceiling = float(np.quantile(reach / cloud.m[bright], STRAY))
+    return _Level(slope=min(level.slope, ceiling), share=level.share)
 
 
-def _settle(
-    level: _Level, t: Floats, m: Floats, noise: tuple[Floats, Floats, Floats], pretend: float, rounds: int = 8
-) -> _Level | None:
+def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 8) -> _Level | None:
     """Fisher scoring at one level; None where hardly a sample lies on the line: there is nothing finer to see."""
-    slope, share, information = level.slope, np.maximum(level.share, 1e-4), 0.0
+    slope, share, information, scatter = level.slope, level.share, 0.0, 0.0
     for _ in range(rounds):
-        variance = _variance(slope, noise) + pretend**2
-        sd = np.sqrt(variance)
-        z = (t - slope * m) / sd
-        if np.count_nonzero(np.abs(z) < 3) < max(STRAY * len(z), 5):
+        sd = np.sqrt(cloud.variance(slope, pretend))
+        z = (cloud.t - slope * cloud.m) / sd
+        on_line = np.abs(z) < 3
+        if np.count_nonzero(on_line) < max(STRAY * len(z), FEWEST):
             return None
+        scatter = float(np.median(np.abs(z[on_line])) * np.median(sd))
         near = (z > LOW) & (z < HIGH)
-        z, sd, m_near = z[near], sd[near], m[near]
+        z, sd = z[near], sd[near]
         counts = np.bincount(((z - LOW) * (1 / STEP)).astype(np.intp), minlength=len(CENTRES))
         share = weights(counts.astype(float), np.maximum(share, 1e-4))
         psi = np.interp(z, CENTRES, score(share))
-        own = (noise[2][near] - slope * noise[1][near]) / sd  # the noise of m that goes with one sd of z
-        pull = (m_near - own * psi) / sd
-        information = float((pull * psi) @ (pull * psi))
+        each = float(np.sum(share @ DENSITY * score(share) ** 2) * STEP)  # information of one sample, in 1 / sd^2
+        own = (cloud.cov[near] - slope * cloud.var_m[near]) / sd  # the noise of m that goes with one sd of z
+        pull = (cloud.m[near] - own * psi) / sd
+        information = each * float(pull @ pull)
         step = float(pull @ psi) / max(information, 1e-300)
         slope += step
         if step * step * information < 1e-3:
             break
-    return _Level(slope=slope, share=share, information=information)
+    return _Level(slope=slope, share=share, information=information, scatter=scatter)

@@ -37,7 +37,7 @@ def project(
     shape = picture.on_sphere.shape
     values, usable = picture.values.reshape(-1, 3), picture.usable.reshape(-1, 3)
     variance = picture.variance.reshape(-1, 3)
-    shared = _from_colours(body, light, variance, body_covariance, light_covariance)
+    shared = colour_share(body, light, variance, body_covariance, light_covariance)
     diffuse, specular, covariance = np.empty((3, len(values), 3), np.float32)
     residual = np.empty(len(values), np.float32)
     for start in range(0, len(values), CHUNK):
@@ -52,6 +52,13 @@ def project(
         covariance=covariance.reshape(*shape, 3),
         residual=residual.reshape(shape),
     )
+
+
+def unknown(picture: Samples) -> Layers:
+    """Layers that say nothing: NaN, with infinite variance on the sphere."""
+    nothing = np.full(picture.values.shape, np.nan, np.float32)
+    spread = np.where(picture.on_sphere[..., None], np.array([np.inf, np.nan, np.inf], np.float32), nothing)
+    return Layers(diffuse=nothing, specular=nothing, covariance=spread, residual=nothing[..., 0])
 
 
 def _rows(
@@ -75,7 +82,7 @@ def _rows(
     return a, s, covariance, residual
 
 
-def _from_colours(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:
+def colour_share(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:
     """What uncertain colours add: (2, 3), by which (a^2, s^2) is multiplied to give var, cov, var.
 
     (a, s) shifts by -G (a dbody + s dlight), with G (2, 3) the weighted pseudo-inverse of the two colours.

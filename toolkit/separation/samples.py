@@ -13,7 +13,7 @@ from toolkit.records import Floats, Noise, readonly
 Mask = NDArray[np.bool_]
 BLOOM_WEIGHT = 1 / 9  # a pixel beside a clipped one counts as one of three times the noise
 FEWEST = 64  # pixels with all channels usable, below which no cluster is seen
-MOST_BLOCKS = 3000  # more cost time and tell no more
+MOST_BLOCKS = 12000  # more cost time and tell no more
 FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
 WANTED_NOISE = 1e-3  # of the brightest block: what the matte line's one-sided fit asks for
 ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
@@ -21,7 +21,7 @@ ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noi
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Samples:
-    """A picture ready to be separated. Unusable samples are 0 in `values`, and False in `usable`."""
+    """A picture ready to be separated. Samples that are not finite or off the sphere are 0, and not usable."""
 
     values: Floats  # (h, w, 3)
     variance: Floats  # (h, w, 3) or (3,)
@@ -68,11 +68,11 @@ def samples(
     shape = picture.shape
     on = _mask("on_sphere", on_sphere, shape[:2])
     good = _mask("usable", usable, shape) & np.isfinite(picture) & on[..., None]
-    values = np.where(good, picture, 0.0).astype(float, copy=False)
+    values = np.where(np.isfinite(picture) & on[..., None], picture, 0.0).astype(float, copy=False)
     weight = (good[..., 0] & good[..., 1] & good[..., 2]).astype(float)  # all(axis=2) is ten times slower
     if bloom is not None:
         weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
-    _refuse_empty(values, weight, good)
+    _refuse_empty(values, weight)
     return Samples(values=values, variance=_variance(variance, values, good), usable=good, weight=weight, on_sphere=on)
 
 
@@ -85,7 +85,7 @@ def _mask(name: str, mask: Mask | None, shape: tuple[int, ...]) -> Mask:
     return mask.astype(bool)
 
 
-def _refuse_empty(values: Floats, weight: Floats, good: Mask) -> None:
+def _refuse_empty(values: Floats, weight: Floats) -> None:
     full = int(np.count_nonzero(weight))
     if full < FEWEST:
         raise BadInputError(
@@ -114,7 +114,7 @@ def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
     """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
     count = _box(good.astype(float), radius)
-    return _box(values, radius) / np.maximum(count, 1.0)
+    return np.asarray(_box(np.where(good, values, 0.0), radius) / np.maximum(count, 1.0))
 
 
 def _box(values: Floats, radius: int) -> Floats:
