@@ -15,6 +15,8 @@ from toolkit.reflectance.cosines import Cosines
 from .lights import point_lights
 from .materials import Material
 
+KNOWS_DISCS = {"mirror"}  # lobes whose value takes the light's angular radius
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shade:
@@ -27,6 +29,16 @@ class Shade:
     grazing: Floats  # (N,) |n.l|, the smallest over the lights: 0 where a shadow begins
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Source:
+    """A light, and which of the two lobes it is seen in; `disc_rad` for a lobe that knows extended lights itself."""
+
+    light: Light
+    body: bool = True
+    gloss: bool = True
+    disc_rad: float = 0.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shader:
     """A material in a scene."""
@@ -35,10 +47,18 @@ class Shader:
     material: Material
 
     @cached_property
-    def lights(self) -> tuple[Light, ...]:
-        """The scene's lights, each extended one as several small ones."""
-        width = self.highlight_rad
-        return tuple(small for light in self.scene.lights for small in point_lights(light, detail_rad=width))
+    def sources(self) -> tuple[Source, ...]:
+        """The scene's lights, each extended one as several small ones, or whole where the lobe wants it whole."""
+        if self.material.model not in KNOWS_DISCS:
+            return tuple(Source(light=light) for light in self._small(self.highlight_rad))
+        whole = (
+            Source(light=light, body=False, disc_rad=float(np.radians(light.angular_radius_deg)))
+            for light in self.scene.lights
+        )
+        return tuple(Source(light=light, gloss=False) for light in self._small(detail_rad=1.0)) + tuple(whole)
+
+    def _small(self, detail_rad: float) -> list[Light]:
+        return [small for light in self.scene.lights for small in point_lights(light, detail_rad=detail_rad)]
 
     @cached_property
     def highlight_rad(self) -> float:
@@ -48,19 +68,20 @@ class Shader:
     @cached_property
     def irradiance(self) -> Floats:
         """Irradiance (3,) of all lights together, each on a plane facing it at the sphere's centre."""
-        return np.asarray(np.sum([light.at(np.zeros((1, 3)))[1][0] for light in self.lights], axis=0))
+        return np.asarray(np.sum([light.at(np.zeros((1, 3)))[1][0] for light in self.scene.lights], axis=0))
 
     def __call__(self, x_px: Floats, y_px: Floats) -> Shade:
         """The layers at pixel coordinates (N,)."""
         seen = surface(self.scene.camera, self.scene.sphere, x_px, y_px)
         diffuse, specular = np.zeros((2, len(x_px), 3))
         nearest, grazing = np.full((2, len(x_px)), np.inf)
-        for light in self.lights:
-            towards, irradiance = light.at(seen.normal)
-            cosines = Cosines.of(seen.normal, towards, seen.view)
-            body, gloss = lobes(self.material, cosines)
-            diffuse += irradiance * body
-            specular += irradiance * gloss
+        for source in self.sources:
+            towards, irradiance = source.light.at(seen.normal)
+            cosines = Cosines.of(seen.normal, towards, seen.view, source_radius_rad=source.disc_rad)
+            if source.body:
+                diffuse += irradiance * body(self.material, cosines)
+            if source.gloss:
+                specular += irradiance * gloss(self.material, cosines)
             nearest = np.minimum(nearest, cosines.sin2_h)
             grazing = np.minimum(grazing, np.abs(np.einsum("...i,...i->...", seen.normal, towards)))
         off = ~seen.on_sphere
@@ -68,12 +89,17 @@ class Shader:
         return Shade(diffuse=diffuse, specular=specular, on_sphere=seen.on_sphere, sin2_h=nearest, grazing=grazing)
 
 
-def lobes(material: Material, cosines: Cosines) -> tuple[Floats, Floats]:
-    """Both lobes times their colours, (N, 3) each: radiance per irradiance on a facing plane."""
-    body, gloss = material.lobes
-    diffuse = body.value(cosines, material.shape_of(body))[..., None] * material.colours["diffuse_albedo"]
-    lobe = gloss.value(cosines, material.shape_of(gloss), material.variant)[..., None]
-    return diffuse, lobe * specular_colour(material, cosines.l_dot_h)
+def body(material: Material, cosines: Cosines) -> Floats:
+    """The diffuse lobe times its colour (N, 3): radiance per irradiance on a facing plane."""
+    lobe, _ = material.lobes
+    return np.asarray(lobe.value(cosines, material.shape_of(lobe))[..., None] * material.colours["diffuse_albedo"])
+
+
+def gloss(material: Material, cosines: Cosines) -> Floats:
+    """The specular lobe times its colour (N, 3)."""
+    _, lobe = material.lobes
+    value = lobe.value(cosines, material.shape_of(lobe), material.variant)
+    return np.asarray(value[..., None] * specular_colour(material, cosines.l_dot_h))
 
 
 def specular_colour(material: Material, cosine: Floats) -> Floats:
@@ -88,11 +114,11 @@ def specular_colour(material: Material, cosine: Floats) -> Floats:
 
 def highlight_half_width_rad(material: Material) -> float:
     """Angle normal-half at which the specular lobe has fallen to half, seen and lit from straight above."""
-    _, gloss = material.lobes
+    _, lobe = material.lobes
     theta = np.geomspace(1e-5, 1.0, 400)
     up = np.array([[0.0, 0.0, 1.0]])
     normal = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=-1)
-    value = gloss.value(Cosines.of(normal, up, up), material.shape_of(gloss), material.variant)
+    value = lobe.value(Cosines.of(normal, up, up), material.shape_of(lobe), material.variant)
     below = np.nonzero(value < 0.5 * value.max())[0]
     return float(theta[below[0]]) if len(below) else 1.0
 

@@ -127,6 +127,17 @@ def test_an_extended_light_blurs_the_highlight_like_many_small_ones(kind: str) -
     assert disc.max() < 0.9 * small.max()
 
 
+def test_a_mirror_shows_the_lamp_at_its_own_radiance() -> None:
+    """A lamp of 6 degrees mirrored sharply has its radiance E / (pi sin^2 R); the body sees its irradiance."""
+    lamp = DirectionalLight(direction=direction(30.0), irradiance=E, angular_radius_deg=6.0)
+    numbers = {"blur_rad": 0.003, "diffuse_albedo": 0.5, "specular_strength": 0.8}
+    shown = picture(sphere_in(100, 100, radius_px=40.0, lights=[lamp]), material("mirror", numbers))
+    x, y = 49.5 + 40.0 * np.sin(np.radians(15.0)) - shown.origin_px[0], 49.5 - shown.origin_px[1]
+    radiance = 0.8 * np.array(E) / (np.pi * np.sin(np.radians(6.0)) ** 2)
+    np.testing.assert_allclose(shown.specular[int(y), int(x)], radiance, rtol=1e-3)
+    np.testing.assert_allclose(shown.diffuse.max(axis=(0, 1)), 0.5 / np.pi * np.array(E), rtol=2e-3)
+
+
 def test_fresnel_follows_the_colour_that_the_material_names() -> None:
     """Seen and lit from straight above index 1.5 and F0 0.04 are one; at 70 degrees Schlick and exact part."""
     base = {"roughness_rad": 0.1, "diffuse_albedo": 0.0}
