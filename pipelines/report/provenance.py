@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import cast
 
 import numpy as np
 
-from toolkit.records import Fit, Light, MaterialReport, Metadata, Scene
+from toolkit.records import Fit, Light, MaterialReport, Metadata, Scene, Sphere
 
+from .fitted import Vector, fitted_light
 from .numbers import MISSING, digits, measured
 from .result import software
 from .rows import numbers
 from .text import base_name, clean
 
 Row = tuple[str, str]
+SPHERE = ("sphere.centre_x_px", "sphere.centre_y_px", "sphere.radius_px")  # as the fit names its shifts
 
 
 def file_rows(report: MaterialReport) -> list[Row]:
@@ -69,10 +73,12 @@ def _noise(report: MaterialReport) -> str:
 def scene_rows(report: MaterialReport) -> list[Row]:
     """Camera, sphere and lights as the fits started from, and where the best fit moved them."""
     scene, best = report.scene, report.fits[report.best]
-    rows = [("projection", _projection(scene)), ("sphere", _sphere(scene)), ("sphere, best fit", _sphere(best.scene))]
-    for index, (light, moved) in enumerate(zip(scene.lights, best.scene.lights, strict=False), start=1):
+    moved = _place(best.scene.sphere, [best.nuisances.get(name, (0.0, None))[1] for name in SPHERE])
+    rows = [("projection", _projection(scene)), (f"sphere, {scene.sphere.source}", _sphere(scene.sphere))]
+    rows.append(("sphere, best fit", moved))
+    for index, light in enumerate(scene.lights):
         name = "light" if len(scene.lights) == 1 else f"light {index}"
-        rows += [(f"{name}, {scene.light_source}", _light(light)), (f"{name}, best fit", _light(moved))]
+        rows += [(f"{name}, {scene.light_source}", _light(light)), (f"{name}, best fit", _moved(best, index))]
     rows.append(("scale", "absolute" if scene.scale == "absolute" else "relative: no irradiance was given"))
     return [*rows, *_nuisances(best)]
 
@@ -85,31 +91,59 @@ def _projection(scene: Scene) -> str:
     return f"perspective, focal length {digits(camera.focal_length_px, 6)} px, principal point ({x:g}, {y:g}) px"
 
 
-def _sphere(scene: Scene) -> str:
-    sphere = scene.sphere
-    sds = np.sqrt(np.maximum(np.diag(sphere.covariance_px2), 0.0))
-    x, y = (measured(value, float(sd)) for value, sd in zip(sphere.centre_px, sds[:2], strict=True))
-    radius = measured(sphere.radius_px, float(sds[2]))
-    return f"centre ({x}, {y}) px, radius {radius} px, ± {numbers(sds, 2)} px, {sphere.source}"
+def _sphere(sphere: Sphere) -> str:
+    return _place(sphere, [float(np.sqrt(max(variance, 0.0))) for variance in np.diag(sphere.covariance_px2)])
+
+
+def _place(sphere: Sphere, sds: Sequence[float | None]) -> str:
+    values = (*sphere.centre_px, sphere.radius_px)
+    x, y, radius = (
+        f"{measured(value, sd)}" + (f" ± {digits(sd, 2)}" if sd else "") for value, sd in zip(values, sds, strict=True)
+    )
+    return f"centre x {x}, y {y}, radius {radius} px"
 
 
 def _light(light: Light) -> str:
     from toolkit.geometry.lights import AnyLight
 
     one = cast(AnyLight, light)
-    told = f"{one.kind}, towards {numbers(one.direction, 5)}"
-    if one.kind == "point":
-        told += f", at {numbers(one.position, 5)} sphere radii"
-    if one.direction_sd_deg is not None:
-        told += f" ± {digits(one.direction_sd_deg, 2)}°"
-    if one.irradiance is not None:
-        told += f", irradiance {numbers(one.irradiance)}"
-    return told
+    told = f"{one.kind}, {_towards(one.direction, one.position if one.kind == 'point' else None, one.direction_sd_deg)}"
+    return told if one.irradiance is None else f"{told}, irradiance {numbers(one.irradiance)}"
+
+
+def _moved(fit: Fit, index: int) -> str:
+    light = fitted_light(fit, index)
+    return _towards(light.direction, light.position, light.sd_deg)
+
+
+def _towards(direction: Vector, position: Vector | None, sd_deg: float | None) -> str:
+    told = f"towards {numbers(direction, 5)}"
+    if position is not None:
+        told += f", at {numbers(position, 5)} sphere radii"
+    return told if sd_deg is None else f"{told} ± {digits(sd_deg, 2)}°"
 
 
 def _nuisances(fit: Fit) -> list[Row]:
-    shifts = [f"{clean(name)} {measured(shift, sd)} ± {digits(sd, 2)}" for name, (shift, sd) in fit.nuisances.items()]
-    return [("calibration moved by", "; ".join(shifts))] if shifts else []
+    """What the calibration turned out to be off by: angles in degrees, the rest in its own unit."""
+    return [(f"calibration: {_named(name)}", _shift(name, *pair)) for name, pair in fit.nuisances.items()]
+
+
+def _named(name: str) -> str:
+    return (
+        clean(name)
+        .removesuffix("_rad")
+        .removesuffix("_px")
+        .replace("_per_radius", "")
+        .replace("_", " ")
+        .replace(".", " ")
+    )
+
+
+def _shift(name: str, shift: float, sd: float) -> str:
+    if name.endswith("_rad"):
+        return f"{measured(math.degrees(shift), math.degrees(sd))}° ± {digits(math.degrees(sd), 2)}°"
+    unit = " px" if name.endswith("_px") else " per sphere radius" if name.endswith("_per_radius") else ""
+    return f"{measured(shift, sd)} ± {digits(sd, 2)}{unit}"
 
 
 def sampling_rows(report: MaterialReport) -> list[Row]:

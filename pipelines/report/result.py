@@ -12,6 +12,7 @@ import numpy as np
 
 from toolkit.records import ColourLayers, Estimate, Fit, Light, LinearImage, MaterialReport, Scene
 
+from .fitted import fitted_light
 from .text import base_name, clean
 
 if TYPE_CHECKING:
@@ -152,12 +153,8 @@ def _sphere(scene: Scene, settings: Settings | None) -> dict[str, Any]:
 
 def _lights(scene: Scene, best: Fit | None) -> list[dict[str, Any]]:
     return [
-        {
-            **_fields(light),
-            "source": scene.light_source,
-            "fitted": _fitted(best, i) if best and i < len(best.scene.lights) else None,
-        }
-        for i, light in enumerate(scene.lights)
+        {**_fields(light), "source": scene.light_source, "fitted": _fitted(best, index) if best else None}
+        for index, light in enumerate(scene.lights)
     ]
 
 
@@ -167,20 +164,10 @@ def _fields(light: Light) -> dict[str, Any]:
     return {"kind": own.pop("kind"), "direction": cast("AnyLight", light).direction, **own}
 
 
-def _fitted(fit: Fit, index: int) -> dict[str, Any]:
-    """Where the fit moved the light; `sd_deg` of its direction about each axis across it."""
-    light = fit.scene.lights[index]
-    tilts = [fit.nuisances[name][1] for axis in "xy" if (name := f"light{index}.tilt_{axis}_rad") in fit.nuisances]
-    sd_deg = np.degrees(np.sqrt(np.mean(np.square(tilts)))) if tilts else getattr(light, "direction_sd_deg", None)
-    return {"direction": getattr(light, "direction", None), **_place(light), "sd_deg": sd_deg}
-
-
-def _place(light: Light) -> dict[str, Any]:
-    """The position of a point light, which a fit keeps as direction and nearness."""
-    if light.kind != "point":
-        return {}
-    fitted = np.divide(getattr(light, "direction", np.nan), getattr(light, "nearness", np.nan))
-    return {"position": getattr(light, "position", fitted)}
+def _fitted(best: Fit, index: int) -> dict[str, Any]:
+    light = fitted_light(best, index)
+    place = {} if light.position is None else {"position": light.position}
+    return {"direction": light.direction, **place, "sd_deg": light.sd_deg}
 
 
 def _separation(layers: ColourLayers) -> dict[str, Any]:

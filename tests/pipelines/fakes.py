@@ -122,7 +122,13 @@ def fit(model: str, of: Scene, rng: np.random.Generator, *, draws: int = DRAWS) 
             of,
             lights=(LIGHT.model_copy(update={"direction": (0.4519, 0.3499, 0.8206), "direction_sd_deg": 0.04}),),
         ),
-        nuisances={"light_x_deg": (0.08, 0.03), "centre_x_px": (0.011, 0.006), "radius_px": (-0.004, 0.008)},
+        nuisances={
+            "light0.tilt_x_rad": (1.4e-3, 5e-4),
+            "light0.tilt_y_rad": (-3e-4, 6e-4),
+            "light0.nearness_per_radius": (0.001, 0.002),
+            "sphere.centre_x_px": (0.011, 0.006),
+            "sphere.radius_px": (-0.004, 0.008),
+        },
     )
 
 
