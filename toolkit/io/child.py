@@ -27,10 +27,18 @@ def main(request: str) -> None:
     limits = Limits(**asked["limits"])
     answer = os.dup(1)
     os.dup2(2, 1)  # whatever a library prints must not land among the pixels
-    limit_process(limits, os.path.getsize(asked["path"]))  # noqa: PTH202  # pathlib costs start-up
-    values, fields = _answer(asked["kind"], asked["path"], limits)
+    path = _plain_path(asked["path"])
+    limit_process(limits, os.path.getsize(path))  # noqa: PTH202  # pathlib costs start-up
+    values, fields = _answer(asked["kind"], path, limits)
     _write(answer, values, fields)
     os._exit(0)  # nothing is left to tidy, and libraries' exit handlers cost time or crash
+
+
+def _plain_path(path: str) -> str:
+    """The path, or another to the same file where its name is no Unicode, which some libraries insist on."""
+    if path.isprintable() or not os.path.isdir("/proc/self/fd"):  # noqa: PTH112  # as above
+        return path
+    return f"/proc/self/fd/{os.open(path, os.O_RDONLY)}"
 
 
 def _answer(kind: str, path: str, limits: Limits) -> tuple[Any, dict[str, Any]]:
@@ -52,10 +60,14 @@ def limit_process(limits: Limits, file_bytes: int) -> None:
     except ImportError:  # not on Windows: there the parent's clock and the size check remain
         return
     memory, seconds = limits.memory_for(file_bytes), limits.cpu_for(file_bytes)
-    for what, limit in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
+    for what, limit, beyond in (
+        (resource.RLIMIT_AS, memory, 0),
+        (resource.RLIMIT_CPU, seconds, 1),  # at the lower limit comes SIGXCPU, which says why
+        (resource.RLIMIT_CORE, 0, 0),
+    ):
         hard = resource.getrlimit(what)[1]
-        bound = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        resource.setrlimit(what, (bound, bound))
+        bounds = [wish if hard == resource.RLIM_INFINITY else min(wish, hard) for wish in (limit, limit + beyond)]
+        resource.setrlimit(what, (bounds[0], bounds[1]))
 
 
 def _write(answer: int, values: NDArray[Any] | None, fields: dict[str, Any]) -> None:

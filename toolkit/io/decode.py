@@ -17,7 +17,7 @@ def decode(kind: str, path: str, limits: Limits) -> Decoded:
     from toolkit.io import metadata, plausible
 
     file_bytes = os.path.getsize(path)  # noqa: PTH202  # pathlib costs the child's start-up
-    reading = metadata.start(path)
+    reading = metadata.start(kind, path)
     try:
         decoded = _decoder(kind)(path, size_checker(limits, file_bytes))
         plausible.check(decoded, file_bytes)
@@ -29,7 +29,9 @@ def decode(kind: str, path: str, limits: Limits) -> Decoded:
     except Exception as error:  # a decoder may raise anything on a damaged file
         reason = metadata.plain_text(str(error).replace(path, "it")) or type(error).__name__
         raise BadInputError(f"the {kind} decoder fails on it ({reason}); copy or export it again") from error
-    return decoded._replace(metadata={**decoded.metadata, **reading()})
+    read = reading()
+    notes = [*decoded.metadata.get("notes", []), *read.pop("notes")]
+    return decoded._replace(metadata={**decoded.metadata, **read, "notes": notes})
 
 
 def _decoder(kind: str) -> Callable[[str, CheckSize], Decoded]:

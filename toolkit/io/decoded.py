@@ -21,6 +21,7 @@ class Limits(NamedTuple):
     cpu_s_per_mb: float = 0.1
     wall_s: float = 60.0
     pixels: int = 150_000_000
+    file_bytes: int = 2 << 30
     expansion: float = 300.0  # decoded bytes per byte of the file, beyond `expansion_free_bytes`
     expansion_free_bytes: int = 64 << 20
 

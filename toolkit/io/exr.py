@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
+from toolkit.io import metadata
 from toolkit.io.decoded import CheckSize, Decoded
 
 if TYPE_CHECKING:
     import OpenEXR
 
+_TEXTS = {"make": "cameraMake", "model": "cameraModel", "lens": "lensModel", "software": "software", "taken": "capDate"}
+_NUMBERS = {"exposure_s": "expTime", "iso": "isoSpeed", "f_number": "aperture", "focal_length_mm": "nominalFocalLength"}
+_THREADS = 2
 _MOST_SIDE = 65_536  # no frame is wider or higher; OpenEXR refuses the rest before it allocates
 
 
@@ -27,16 +32,27 @@ def decode(path: str, check_size: CheckSize) -> Decoded:
     if hasattr(OpenEXR, "setMaxImageSize"):  # from 3.5 on; the process's memory limit holds with any version
         OpenEXR.setMaxImageSize(_MOST_SIDE, _MOST_SIDE)
     with OpenEXR.File(path, header_only=True, num_threads=0) as file:
-        data, display = _windows(file.parts[0].header)
+        header = file.parts[0].header
+        data, display = _windows(header)
         _check_part(file.parts[0])
+        found = _fields(header)
     check_size(*_extent(display), 12)
     check_size(*_extent(data), 12)
-    with OpenEXR.File(path, separate_channels=True, num_threads=0) as file:
+    with OpenEXR.File(path, separate_channels=True, num_threads=_THREADS) as file:
         if not file.parts:  # OpenEXR warns on standard error and leaves out the part that it could not read
             raise BadInputError("the EXR's pixels do not decode; the file is damaged: copy or render it again")
         planes = _planes(file.parts[0].channels)
     values = _on_display(planes, data, display)
-    return Decoded(format="exr", encoding="linear", values=values, black=[0.0] * 3, white=[float("inf")] * 3)
+    return Decoded("exr", "linear", values, black=[0.0] * 3, white=[float("inf")] * 3, metadata=found)
+
+
+def _fields(header: dict[str, Any]) -> dict[str, Any]:
+    """The standard optional attributes that tell of the camera."""
+    texts = {name: metadata.plain_text(header[key]) for name, key in _TEXTS.items() if isinstance(header.get(key), str)}
+    numbers = {name: header.get(key) for name, key in _NUMBERS.items()}
+    return texts | {
+        n: float(v) for n, v in numbers.items() if isinstance(v, float | int) and math.isfinite(v) and v > 0
+    }
 
 
 Window = tuple[int, int, int, int]

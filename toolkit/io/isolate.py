@@ -24,6 +24,17 @@ from toolkit.errors import BadInputError
 from toolkit.io.decoded import Decoded, Limits
 
 _TYPES = {"uint8", "uint16", "float32"}
+_PASSED_ON = (
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "SYSTEMROOT",
+    "TMPDIR",
+    "TEMP",
+    "LANG",
+    "LC_ALL",
+    "LC_CTYPE",
+)
 _BOOT = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from toolkit.io.child import main; main(sys.argv[2])"
 
 
@@ -54,9 +65,13 @@ def _run(kind: str, path: str, limits: Limits, answer: IO[bytes]) -> str | None:
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=answer, stderr=subprocess.PIPE, env=_environment()
     ) as child:
-        complaints = _drain(child, limits.wall_s)
+        complaints = None
+        try:
+            complaints = _drain(child, limits.wall_s)
+        finally:
+            if complaints is None:  # it took too long, or the user interrupts
+                child.kill()
         if complaints is None:
-            child.kill()
             return f"decoding took longer than {limits.wall_s:.0f} s; the file is damaged, or the machine too busy"
         status = child.wait()
     return None if status == 0 else _obituary(status, complaints, limits)
@@ -96,8 +111,8 @@ def _import_path() -> list[str]:
 
 
 def _environment() -> dict[str, str]:
-    """The parent's, without Python's own variables; one thread a library, for start-up and for the memory limit."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    """What libraries need to load, and no more; one thread a library, for start-up and for the memory limit."""
+    kept = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
     return {**kept, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 

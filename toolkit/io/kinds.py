@@ -76,6 +76,8 @@ def kind_of(path: str) -> str:
 
 
 def _head(path: str) -> bytes:
+    if "\0" in path:
+        raise BadInputError("no such file; check the path")
     if os.path.isdir(path):  # noqa: PTH112  # as above
         raise BadInputError("a folder, not a photograph; name the files, or use the batch command for a folder")
     if not os.path.exists(path):  # noqa: PTH110  # as above

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Iterable
@@ -27,8 +28,8 @@ _NUMBERS = {
 _COLOR_MATRIX_1, _AS_SHOT_NEUTRAL, _NOISE_PROFILE = 50721, 50728, 51041
 
 
-def start(path: str) -> Callable[[], dict[str, Any]]:
-    """Begin to read the metadata beside the decoding; the function returned waits for them.
+def start(kind: str, path: str) -> Callable[[], dict[str, Any]]:
+    """Begin to read the metadata of a file of this kind beside the decoding; the function returned waits for them.
 
     They are fields of `toolkit.records.Metadata` as JSON can carry them.
     """
@@ -36,7 +37,7 @@ def start(path: str) -> Callable[[], dict[str, Any]]:
     notes: list[str] = []
 
     def read() -> None:
-        for name, source in (("EXIF", _exif), ("DNG tags", _dng)):
+        for name, source in _SOURCES.get(kind, {}).items():
             try:
                 found.update(source(path))
             except Exception as error:  # a parser of untrusted tags may raise anything: go on without
@@ -62,6 +63,7 @@ def plain_text(value: object) -> str:
 def _exif(path: str) -> dict[str, Any]:
     import exifread
 
+    logging.getLogger("exifread").setLevel(logging.CRITICAL)  # it complains of files without EXIF
     with open(path, "rb") as file:  # noqa: PTH123  # pathlib costs the child's start-up
         tags = exifread.process_file(file, details=False)
     texts = {name: plain_text(tags[key]) for name, key in _TEXTS.items() if key in tags}
@@ -130,3 +132,6 @@ def _pairs(value: tuple[Any, ...]) -> list[list[float]]:
     if not usable or any(scale <= 0 for scale in numbers[::2]):
         return []
     return [[scale, max(offset, 0.0)] for scale, offset in zip(numbers[::2], numbers[1::2], strict=True)]
+
+
+_SOURCES = {"raw": {"EXIF": _exif, "DNG tags": _dng}, "tiff": {"EXIF": _exif}, "image": {"EXIF": _exif}}

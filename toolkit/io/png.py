@@ -7,9 +7,10 @@ import zlib
 from typing import NamedTuple
 
 from toolkit.errors import BadInputError
+from toolkit.io import icc
 
+_LONGEST_PROFILE = 1 << 20
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_NAMES_A_CURVE = {b"sRGB", b"cICP", b"iCCP"}
 
 
 class Header(NamedTuple):
@@ -65,4 +66,15 @@ def _names_a_curve(kind: bytes, body: bytes) -> bool:
         return bool(struct.unpack(">I", body)[0] != 100_000)
     if kind == b"cICP" and len(body) == 4:
         return body[1] != 8  # ITU-T H.273: transfer characteristics 8 are linear
-    return kind in _NAMES_A_CURVE
+    if kind == b"iCCP":
+        return not icc.is_linear(_profile(body))
+    return kind == b"sRGB"
+
+
+def _profile(body: bytes) -> bytes:
+    """The profile in an iCCP chunk (name, zero, method, deflated data); empty where it does not inflate."""
+    packed = body.partition(b"\0")[2][1:]
+    try:
+        return zlib.decompressobj().decompress(packed, _LONGEST_PROFILE)
+    except zlib.error:
+        return b""

@@ -26,11 +26,17 @@ def decode_png(path: str, check_size: CheckSize) -> Decoded:
 
 def decode_radiance(path: str, check_size: CheckSize) -> Decoded:
     """A Radiance picture, decoded to float32 as stored."""
-    check_size(*_radiance_size(path), 12)
+    lines, width, height = _radiance_header(path)
+    check_size(width, height, 12)
+    if any(b"32-bit_rle_xyze" in line for line in lines):
+        raise BadInputError("a Radiance file in XYZ; RGB is needed: convert it with ra_xyze -r")
+    scaled = [line for line in lines if line.startswith((b"EXPOSURE=", b"COLORCORR="))]
+    notes = ["the Radiance header's EXPOSURE and COLORCORR were not divided out"] if scaled else []
     values = three_colours(opencv(path))
     if values.dtype != np.float32:
         raise BadInputError("a Radiance file that does not decode to floats; write it again as 32-bit_rle_rgbe")
-    return Decoded(format="hdr", encoding="linear", values=values, black=[0.0] * 3, white=[float("inf")] * 3)
+    found = {"notes": notes} if notes else {}
+    return Decoded("hdr", "linear", values, black=[0.0] * 3, white=[float("inf")] * 3, metadata=found)
 
 
 def decode_other(path: str, check_size: CheckSize) -> Decoded:
@@ -69,14 +75,14 @@ def opencv(path: str) -> NDArray[Any]:
     return np.asarray(values)
 
 
-def _radiance_size(path: str) -> tuple[int, int]:
-    """Width and height of a Radiance picture in the usual order of rows ("-Y height +X width")."""
+def _radiance_header(path: str) -> tuple[list[bytes], int, int]:
+    """Lines, width and height of a Radiance picture in the usual order of rows ("-Y height +X width")."""
     with open(path, "rb") as file:  # noqa: PTH123  # pathlib costs the child's start-up
         head = file.read(65_536)
     end = head.find(b"\n\n")
     words = head[end + 2 :].split(b"\n", 1)[0].split() if end >= 0 else []
     if len(words) == 4 and words[0] == b"-Y" and words[2] == b"+X" and words[1].isdigit() and words[3].isdigit():
-        return int(words[3]), int(words[1])
+        return head[:end].splitlines(), int(words[3]), int(words[1])
     raise BadInputError(
         "a Radiance file without a '-Y height +X width' line; write it again in the usual order of rows"
     )

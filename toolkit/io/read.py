@@ -14,6 +14,7 @@ from toolkit.errors import BadInputError
 from toolkit.io import decode, isolate
 from toolkit.io.decoded import Decoded, Limits
 from toolkit.io.kinds import kind_of
+from toolkit.io.metadata import plain_text
 from toolkit.records import Metadata, RawFrame
 
 DEFAULT_LIMITS = Limits()
@@ -34,14 +35,22 @@ def read_in_process(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LI
 
 
 def _read(path: str, limits: Limits, *, isolated: bool) -> RawFrame:
-    name = Path(path).name
+    name = plain_text(Path(path).name)
     try:
         kind = kind_of(path)
+        _check_bytes(Path(path).stat().st_size, limits)
         with _Digest(path) as digest:
             decoded = isolate.decode(kind, path, limits) if isolated else decode.decode(kind, path, limits)
         return _frame(name, digest.value, decoded)
     except BadInputError as error:
         raise BadInputError(f"{name}: {error}") from error
+
+
+def _check_bytes(found: int, limits: Limits) -> None:
+    if found > limits.file_bytes:
+        raise BadInputError(
+            f"a file of {found / 1e9:.1f} GB; at most {limits.file_bytes / 1e9:.1f} GB are read: crop it"
+        )
 
 
 class _Digest:

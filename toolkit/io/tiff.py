@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.io import raster
+from toolkit.io import icc, raster
 from toolkit.io.decoded import CheckSize, Decoded
 from toolkit.io.orientation import upright
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _ICC_PROFILE = 34675
 _TRANSFER_FUNCTION = 301
+_EXIF, _COLOUR_SPACE_SRGB = 34665, 1
 
 
 def decode(path: str, check_size: CheckSize) -> Decoded:
@@ -66,4 +67,9 @@ def _rgb(path: str, page: tifffile.TiffPage) -> NDArray[Any]:
 
 
 def _names_a_curve(page: tifffile.TiffPage) -> bool:
-    return _ICC_PROFILE in page.tags or _TRANSFER_FUNCTION in page.tags
+    """By its ICC profile, its TransferFunction, or EXIF's ColorSpace."""
+    if _ICC_PROFILE in page.tags:
+        return not icc.is_linear(bytes(page.tags[_ICC_PROFILE].value))
+    exif = page.tags[_EXIF].value if _EXIF in page.tags else {}
+    srgb = isinstance(exif, dict) and exif.get("ColorSpace") == _COLOUR_SPACE_SRGB
+    return srgb or _TRANSFER_FUNCTION in page.tags
