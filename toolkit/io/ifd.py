@@ -54,9 +54,9 @@ def opaque(data: bytes) -> Entry:
 
 
 def _fraction(value: float, *, signed: bool) -> tuple[int, int]:
-    """Numerator and denominator in 32 bits, exact to 1e-6 where they fit."""
+    """The nearest fraction in 32 bits: 1/60 for a sixtieth, within 5e-10 of what is no short fraction."""
     ceiling = 2**31 - 1 if signed else 2**32 - 1
-    finest = max(1, min(1_000_000, int(ceiling // max(abs(value), 1.0))))
+    finest = max(1, int(ceiling // max(abs(value), 1.0)))
     near = Fraction(float(value)).limit_denominator(finest)
     if abs(near.numerator) > ceiling or (near < 0 and not signed):
         raise ValueError(f"{value} does not fit a TIFF {'signed ' if signed else ''}rational")
