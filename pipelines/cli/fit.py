@@ -173,20 +173,24 @@ def _tell(report: MaterialReport, settings: Settings, out: Path, run: Run) -> in
     from pipelines.report.table import print_table
     from pipelines.report.text import stem
 
+    result = result_object(report, settings)
     if run.terminal.json:
-        run.terminal.object(result_object(report, settings), lines=run.output.jsonl)
+        run.terminal.object(result, lines=run.output.jsonl)
     elif not run.terminal.quiet:
         page = out / f"{stem(report.image.name)}.html"
         run.terminal.show(partial(print_table, report, where=out if run.output.no_report else page))
-    return _code(report, strict=run.output.strict)
-
-
-def _code(report: MaterialReport, *, strict: bool) -> int:
-    best = report.fits[report.best] if report.fits else None
-    if best is None or best.status != "converged":
+    if result["error"]:
+        run.terminal.error(f"{report.image.name}: {result['error']}")
         return FAILED
-    low = LOW.intersection((*report.flags, *best.flags))
-    return LOW_QUALITY if strict and low else 0
+    return _judge(report, run) if run.output.strict else 0
+
+
+def _judge(report: MaterialReport, run: Run) -> int:
+    """What --strict says of a result."""
+    low = sorted(LOW.intersection((*report.flags, *report.fits[report.best].flags)))
+    if low:
+        run.terminal.error(f"{report.image.name}: low quality, --strict refuses {', '.join(low)}")
+    return LOW_QUALITY if low else 0
 
 
 def _finished(image: Path, out: Path, settings: Settings, output: OutputFlags) -> Mapping[str, Any] | None:

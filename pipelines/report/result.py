@@ -34,7 +34,8 @@ def result_object(report: MaterialReport, settings: Settings | None = None) -> d
     best = report.fits[report.best] if report.fits else None
     made = {
         **_frame(base_name(report.image.name)),
-        "status": "ok",
+        "status": "failed" if (error := _error(best)) else "ok",
+        "error": error,
         "flags": [clean(flag) for flag in report.flags],
         "image": _image(report.image),
         "camera": _camera(report.scene),
@@ -53,6 +54,13 @@ def result_object(report: MaterialReport, settings: Settings | None = None) -> d
         "elpd_difference": _difference(report.elpd_difference),
     }
     return {key: finite(value) for key, value in made.items()}
+
+
+def _error(best: Fit | None) -> str | None:
+    """Why a result with all its numbers is none to rely on."""
+    if best is None:
+        return "no model was fitted"
+    return None if best.status == "converged" else clean(f"the best fit, {best.model}, failed: {best.status}")
 
 
 def failure_object(name: str, error: BaseException | str) -> dict[str, Any]:

@@ -189,9 +189,11 @@ def test_a_fit_that_did_not_converge_is_exit_1(job: Fake, run: Run) -> None:
         return replace(report, fits=tuple(replace(fit, status="not converged after 50 steps") for fit in report.fits))
 
     job.answer = unconverged
-    code, out, _ = run("a.dng")
+    code, out, err = run("a.dng")
     assert code == 1
     assert "not converged after 50 steps" in out
+    assert "not converged after 50 steps" in one_line(err)
+    assert json.loads(Path("a.fit/a.json").read_text())["status"] == "failed"
 
 
 @pytest.mark.parametrize(("flag", "strict"), [(Flag.CLIPPED, 5), (Flag.RELATIVE_SCALE, 0), (Flag.NOT_IDENTIFIED, 0)])
@@ -199,7 +201,9 @@ def test_strict_refuses_low_quality(job: Fake, run: Run, flag: Flag, strict: int
     """Exit 5 for a flag that a better photograph would clear, and only with --strict."""
     job.answer = lambda path: replace(clean_report(path), flags=(flag,))
     assert run("a.dng", "--overwrite")[0] == 0
-    assert run("a.dng", "--overwrite", "--strict")[0] == strict
+    code, _, err = run("a.dng", "--overwrite", "--strict")
+    assert code == strict
+    assert (str(flag) in err) == (strict == 5)
 
 
 @pytest.mark.parametrize(
