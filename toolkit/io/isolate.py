@@ -7,6 +7,7 @@ the user's script. Its standard output is a file in memory that both share: the 
 from __future__ import annotations
 
 import json
+import math
 import mmap
 import os
 import signal
@@ -22,7 +23,9 @@ import numpy as np
 
 from toolkit.errors import BadInputError
 from toolkit.io.decoded import Decoded, Limits
+from toolkit.io.metadata import plain_text
 
+_LONGEST_JSON = 1 << 20
 _TYPES = {"uint8", "uint16", "float32"}
 _PASSED_ON = (
     "PATH",
@@ -101,7 +104,8 @@ def _obituary(status: int, complaints: bytes, limits: Limits) -> str:
     if status < 0 or b"MemoryError" in complaints or b"bad_alloc" in complaints:
         return f"the decoder crashed on it (status {status}); the file is damaged: copy or export it again"
     lines = complaints.decode("utf-8", "replace").strip().splitlines()
-    return f"the decoder failed on it ({lines[-1] if lines else f'status {status}'}); copy or export it again"
+    reason = plain_text(lines[-1]) if lines else f"status {status}"
+    return f"the decoder failed on it ({reason}); copy or export it again"
 
 
 def _import_path() -> list[str]:
@@ -119,21 +123,29 @@ def _environment() -> dict[str, str]:
 def _read_answer(answer: IO[bytes]) -> Decoded:
     """The child's answer; nothing of it is believed that does not add up."""
     total = answer.seek(0, os.SEEK_END)
+    try:
+        fields, pixel_bytes = _fields(answer, total)
+        if "error" not in fields:
+            return _decoded(answer, fields, pixel_bytes)
+    except (struct.error, ValueError, TypeError, KeyError, OverflowError) as error:
+        raise BadInputError("the decoder's answer does not add up; the file is damaged: copy it again") from error
+    raise BadInputError(plain_text(fields["error"]))
+
+
+def _fields(answer: IO[bytes], total: int) -> tuple[dict[str, Any], int]:
+    """The JSON at the end of the answer, and how many bytes of pixels stand before it."""
     answer.seek(max(total - 8, 0))
-    length = struct.unpack("<Q", answer.read(8))[0] if total >= 8 else total
-    if length > min(total - 8, 1 << 20):
-        raise BadInputError("the decoder's answer is incomplete; the file is damaged: copy or export it again")
+    (length,) = struct.unpack("<Q", answer.read(8))
+    if length > min(total - 8, _LONGEST_JSON):
+        raise ValueError("longer than the answer")
     answer.seek(total - 8 - length)
-    fields: dict[str, Any] = json.loads(answer.read(length))
-    if "error" in fields:
-        raise BadInputError(str(fields["error"]))
-    return _decoded(answer, fields, total - 8 - length)
+    return dict(json.loads(answer.read(length))), total - 8 - length
 
 
 def _decoded(answer: IO[bytes], fields: dict[str, Any], pixel_bytes: int) -> Decoded:
     shape, name = tuple(int(side) for side in fields.pop("shape")), fields.pop("dtype")
-    if name not in _TYPES or int(np.prod(shape)) * np.dtype(name).itemsize != pixel_bytes:
-        raise BadInputError("the decoder's answer does not add up; the file is damaged: copy or export it again")
+    if name not in _TYPES or min(shape) < 1 or math.prod(shape) * np.dtype(name).itemsize != pixel_bytes:
+        raise ValueError("pixels that are not there")
     flags = {"prot": mmap.PROT_READ, "flags": mmap.MAP_SHARED} if hasattr(mmap, "PROT_READ") else {}
     pixels = mmap.mmap(answer.fileno(), pixel_bytes, **(flags or {"access": mmap.ACCESS_READ}))
     return Decoded(values=np.frombuffer(pixels, name).reshape(shape), **fields)

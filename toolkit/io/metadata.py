@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 _PATIENCE_S = 3.0  # EXIF is a few hundred bytes: what takes longer runs in circles
-_LONGEST_TEXT = 200
+_LONGEST_TEXT = 300
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # EXIF FocalPlaneResolutionUnit: inch, cm, mm, um
 _TEXTS = {
     "make": "Image Make",
