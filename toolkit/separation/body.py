@@ -22,7 +22,7 @@ FAINTEST = 0.15  # of the brightest blocks: fainter ones say nothing of the edge
 SHADOW = 0.03  # of the brightest blocks: the body is dark there
 FEWEST = 20  # blocks that a veil or a bend is judged by
 DIM, BRIGHT = (0.3, 0.5), (0.75, 1.1)  # parts of the matte line, of the brightest blocks
-BEND = 0.07  # of the angle between body and light; photographs of balls stay within 0.03, encoded ones reach 0.2
+BEND = 0.05  # of the angle between body and light; linear pictures stay below, encoded ones reach 0.07 to 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,7 +106,7 @@ def _along(cloud: Blocks, light: Floats, u: Floats, turn_variance: float, scale:
     side = np.cross(light, u)
     tilt = (light - (light @ colour) * colour) / length  # how the unit colour moves with the slope
     covariance = turn_variance / length**2 * np.outer(side, side) + edge.sd**2 * np.outer(tilt, tilt)
-    ratio_sd = float(np.sqrt(np.median(noise[0] + edge.slope**2 * noise[1]))) / (DIM[0] * top)
+    ratio_sd = float(np.sqrt(np.median(noise[0] + edge.slope**2 * noise[1]))) / max(scale, 1e-6) / (DIM[0] * top)
     return Body(
         colour=colour,
         covariance=covariance,
@@ -138,6 +138,6 @@ def _bent(ratio: Floats, brightness: Floats, ratio_sd: float) -> bool:
         held = ratio[(brightness > low) & (brightness < high)]
         if len(held) < FEWEST:
             return False
-        edges.append(math.atan2(1.0, float(np.quantile(held, 0.1))))
+        edges.append(math.atan2(1.0, float(np.quantile(held, 0.02))))
     dim, bright = edges
-    return abs(dim - bright) > BEND * bright + 3 * ratio_sd * math.sin(bright) ** 2
+    return abs(dim - bright) > BEND * bright + 2 * ratio_sd * math.sin(bright) ** 2

@@ -10,22 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.flags import Flag
 from toolkit.records import ColourLayers, Floats, Noise
 
 from .body import Body, body_colour
-from .cluster import Cluster, classify
+from .cluster import classify
 from .fill import fill
-from .highlight import HighlightLine, highlight_line
+from .highlight import highlight_line
 from .illuminant import of_samples, unit_colour
 from .projection import Layers, project, unknown
-from .samples import Blocks, Mask, Samples, block_size, blocks, samples
-
-SMALLEST_ANGLE_DEG = 3.0  # below it, 1 % noise leaves 60 % error in the specular layer
-WORST_SPECULAR = 0.5  # relative rms error of the specular layer that noise alone would leave
-WORST_MISFIT = 3.0  # of the blocks' distance from the plane, over the noise, where it also is ...
-WORST_OFF_PLANE = 0.02  # ... this part of the brightness: a second hue, or a picture that is not linear
-CLIPPED_SHARE = 0.01
+from .samples import Mask, Samples, block_size, blocks, samples
+from .verdict import verdict
 
 
 def separate(
@@ -62,7 +56,6 @@ def separate(
     body = body_colour(cloud, light)
     line = highlight_line(cloud, body.colour, light) if body.seen else None
     found = _layers(ready, body, light, of_light)
-    clipped = 1 - np.count_nonzero(ready.weight) / np.count_nonzero(ready.on_sphere)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
     return ColourLayers(
         method="dichromatic",
@@ -82,7 +75,7 @@ def separate(
         highlight_colour=line.direction if line else np.full(3, np.nan),
         origin_px=origin_px,
         step_px=step_px,
-        flags=_flags(cloud, cluster, body, line, _specular_error(found, light), (angle, angle_sd), clipped),
+        flags=verdict(ready, cloud, cluster, body, line, found, light, (angle, angle_sd)),
     )
 
 
@@ -103,41 +96,3 @@ def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Fl
     along = (second - dot * first) / cross, (first - dot * second) / cross
     variance = along[0] @ of_first @ along[0] + along[1] @ of_second @ along[1]
     return float(np.degrees(angle)), float(np.degrees(np.sqrt(variance)))
-
-
-def _flags(
-    cloud: Blocks,
-    cluster: Cluster,
-    body: Body,
-    line: HighlightLine | None,
-    specular_error: float,
-    angle: tuple[float, float],
-    clipped: float,
-) -> tuple[str, ...]:
-    flags = []
-    noisy = line is not None and specular_error > WORST_SPECULAR
-    if not body.seen or cluster.kind == "point" or noisy or angle[0] < max(SMALLEST_ANGLE_DEG, 3 * angle[1]):
-        flags.append(Flag.COLOUR_CANNOT_SEPARATE)
-    if line is None and body.seen:
-        flags.append(Flag.NO_SPECULAR)
-    bright = float(np.sqrt(np.mean(cloud.colour**2)))
-    if cluster.kind == "volume" or (body.misfit > WORST_MISFIT and body.off_plane > WORST_OFF_PLANE * bright):
-        flags.append(Flag.POOR_FIT)
-    if body.bent:
-        flags.append(Flag.MATTE_LINE_BENT)
-    if clipped > CLIPPED_SHARE:
-        flags.append(Flag.CLIPPED)
-    return tuple(flags)
-
-
-def _specular_error(found: Layers, light: Floats) -> float:
-    """Relative rms error of the specular layer that its own covariance predicts."""
-    some = slice(None, None, max(found.residual.size // 8192, 1))
-    variance = found.covariance.reshape(-1, 3)[some, 2].astype(float)
-    light_part = found.specular.reshape(-1, 3)[some] @ light
-    sound = np.isfinite(variance) & np.isfinite(light_part)
-    if not sound.any():
-        return np.inf
-    noise = float(variance[sound].mean())
-    power = float((light_part[sound] ** 2).mean()) - noise
-    return float(np.sqrt(noise / power)) if power > 0 else np.inf

@@ -75,11 +75,14 @@ def foretell(body: Floats, variance: Floats, holes: Mask) -> Local:
     precision = np.where(known, 1 / np.where(known, variance, 1.0), 0.0)
     single = float(np.median(variance[known])) if known.any() else np.inf
     value, spread = np.full(body.shape, np.nan), np.full(body.shape, np.nan)
+    fresh = np.zeros(body.shape, bool)
     for radius in RADII:
         open_still = holes & ~np.isfinite(value)
-        if not open_still.any():
+        if not (open_still.any() or fresh.any()):
             break
         local = local_quadratic(np.where(known, body, 0.0), precision, radius)
-        steady = open_still & (local.variance < STEADY * single)
-        value[steady], spread[steady] = local.value[steady], local.variance[steady]
+        wider = fresh & np.isfinite(local.value)
+        spread[wider] += (local.value[wider] - value[wider]) ** 2  # what a quadratic cannot follow
+        fresh = open_still & (local.variance < STEADY * single)
+        value[fresh], spread[fresh] = local.value[fresh], local.variance[fresh]
     return Local(value=value, variance=spread)

@@ -9,6 +9,8 @@ noise of h is taken off (errors in variables). A cubic in its place tells how fa
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from toolkit.records import Floats
@@ -29,13 +31,20 @@ def by_highlight_line(ready: Samples) -> Illuminant | None:
     plane = dichromatic_plane(blocks(ready, size))
     if plane is None:
         return None
-    best = None
+    found = []
     while size >= 1:  # small highlights need small blocks, broad ones the low noise of large ones
-        found = _from_blocks(blocks(ready, size), plane)
-        if found is not None and (best is None or found.sd_deg < best.sd_deg):
-            best = found
+        found.append(_from_blocks(blocks(ready, size), plane))
         size //= 2
-    return best
+    heard = [each for each in found if each is not None]
+    return _agree(min(heard, key=lambda each: each.sd_deg), heard) if heard else None
+
+
+def _agree(best: Illuminant, all_sizes: list[Illuminant]) -> Illuminant:
+    """The best with what the block sizes disagree by, beyond their errors, in its covariance."""
+    excess = [float(np.sum((each.colour - best.colour) ** 2) - np.trace(each.covariance)) for each in all_sizes]
+    more = float(np.mean(np.maximum(excess, 0.0)))
+    across = np.eye(3) - np.outer(best.colour, best.colour)
+    return dataclasses.replace(best, covariance=best.covariance + more / 2 * across)
 
 
 def _from_blocks(cloud: Blocks, plane: DichromaticPlane) -> Illuminant | None:

@@ -150,14 +150,12 @@ def _below_cloud(cloud: _Cloud, level: _Level, pretend: float, faint: float) -> 
 
 def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 8) -> _Level | None:
     """Fisher scoring at one level; None where hardly a sample lies on the line: there is nothing finer to see."""
-    slope, share, information, scatter = level.slope, level.share, 0.0, 0.0
+    slope, share, information = level.slope, level.share, 0.0
     for _ in range(rounds):
         sd = np.sqrt(cloud.variance(slope, pretend))
         z = (cloud.t - slope * cloud.m) / sd
-        on_line = np.abs(z) < 3
-        if np.count_nonzero(on_line) < max(STRAY * len(z), FEWEST):
+        if np.count_nonzero(np.abs(z) < 3) < max(STRAY * len(z), FEWEST):
             return None
-        scatter = float(np.median(np.abs(z[on_line])) * np.median(sd))
         near = (z > LOW) & (z < HIGH)
         z, sd = z[near], sd[near]
         counts = np.bincount(((z - LOW) * (1 / STEP)).astype(np.intp), minlength=len(CENTRES))
@@ -171,4 +169,5 @@ def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 8) -> _L
         slope += step
         if step * step * information < 1e-3:
             break
+    scatter = float(np.median(np.abs(z[np.abs(z) < 3])) * np.median(sd))
     return _Level(slope=slope, share=share, information=information, scatter=scatter)

@@ -15,7 +15,7 @@ BLOOM_WEIGHT = 1 / 9  # a pixel beside a clipped one counts as one of three time
 FEWEST = 64  # pixels with all channels usable, below which no cluster is seen
 MOST_BLOCKS = 12000  # more cost time and tell no more
 FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
-WANTED_NOISE = 1e-3  # of the brightest block: what the matte line's one-sided fit asks for
+WANTED_NOISE = 3e-5  # of the brightest block: less no longer moves the matte line's one-sided fit
 ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
 
 
@@ -108,7 +108,7 @@ def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
             raise BadInputError(
                 "variance holds negative or non-finite numbers; expected the square of each sample's sd"
             )
-    return found + (ROUNDING * float(np.abs(values).max())) ** 2
+    return found + (ROUNDING * max(float(values.max()), -float(values.min()))) ** 2
 
 
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
