@@ -14,7 +14,7 @@ COSINES = np.array([1.0, 0.9, 0.5, 0.2, 0.05, 0.001, 0.0])
 
 
 def _fresnel(cosine, index):
-    """Born & Wolf 1.5.2 for one ray, complex index, transcribed."""
+    """Fresnel's equations for one ray, complex index (Born & Wolf, chapters 1 and 13)."""
     inside = cmath.sqrt(1.0 - (1.0 - cosine**2) / index**2)
     s = (cosine - index * inside) / (cosine + index * inside)
     p = (index * cosine - inside) / (index * cosine + inside)

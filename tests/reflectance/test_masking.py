@@ -12,7 +12,6 @@ from toolkit.reflectance.distributions import beckmann, ggx
 
 def _smith(density, theta, alpha):
     """G1 as defined: cos(theta) over the projected area of the facets that face the direction."""
-
     node, weight = np.polynomial.legendre.leggauss(400)
     m = (np.pi / 4) * (1.0 + node)
     phi = (np.arange(2000) + 0.5) * np.pi / 2000

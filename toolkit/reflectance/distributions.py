@@ -100,7 +100,7 @@ def _stretched(cosines: Cosines, a2: Number) -> Floats:
 def gtr(cosines: Cosines, alpha: Number, tail: Number) -> Floats:
     """Trowbridge and Reitz's D with its exponent free: c / (alpha^2 cos^2 + sin^2)^tail, in sr^-1; tail 2 is `ggx`.
 
-    Burley 2012, appendix B.2, equation 4; finite at tail 1 and at alpha 1, where the paper's form is 0 / 0.
+    Burley 2012, appendix B.2; finite at tail 1 and at alpha 1, where the paper's form is 0 / 0.
     """
     a2 = np.square(alpha)
     log_width, excess = np.log(a2), np.asarray(tail) - 1.0

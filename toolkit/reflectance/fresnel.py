@@ -13,7 +13,7 @@ from .cosines import Number
 
 
 def schlick_pair(cosine: Floats) -> tuple[Floats, Floats]:
-    """(1 - s, s) with s = (1 - cos)^5; F = F0 (1 - s) + s (Schlick 1994, equation 15)."""
+    """(1 - s, s) with s = (1 - cos)^5; F = F0 (1 - s) + s (Schlick 1994)."""
     opposite = 1.0 - np.clip(cosine, 0.0, 1.0)
     s = np.square(np.square(opposite)) * opposite
     return 1.0 - s, s

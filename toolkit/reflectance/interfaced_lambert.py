@@ -31,7 +31,8 @@ from .cosines import Cosines, Number
 from .fresnel import dielectric, dielectric_derivative, dielectric_slope
 from .lobe import Claim, Lobe, Parameter, register
 
-_SLOPES = 12  # Gauss-Laguerre nodes in the squared slope
+_SLOPES = 16  # Gauss-Legendre nodes in the slope, out to _STEEPEST
+_STEEPEST = 3.3  # in units of sqrt(2) sigma; 2e-5 of the facets are steeper
 _AZIMUTHS = 24  # of the facets, over half a turn
 _ORDERS = 8  # of the expansion in the azimuth between light and view
 _ROWS = 192  # of the tables along each cosine, spaced evenly in its square root
@@ -135,12 +136,20 @@ Facets = tuple[Floats, Floats, Floats, Floats]  # cosines to them, their weights
 def _facets(sigma: float) -> Facets:
     """How the facets face a direction at each of the tables' cosines: (rows, slopes, azimuths), and their weights."""
     cosine = np.square(np.linspace(0.0, 1.0, _ROWS))[:, None, None]
-    squared, weight = (part[:, None] for part in np.polynomial.laguerre.laggauss(_SLOPES))
+    squared, weight = _slope_nodes()
     towards = np.sqrt((1.0 - np.square(cosine)) * 2.0 * squared) * np.cos(_facet_azimuths())
     length = np.sqrt(1.0 + 2.0 * sigma * sigma * squared)  # 1 / cos(theta_m)
     facing = (sigma * towards + cosine) / length
     turn = np.where(facing > 0.0, (towards - 2.0 * sigma * squared * facing / length) / length, 0.0)
     return np.maximum(facing, 0.0), np.sqrt(weight * length), turn, sigma * squared / np.square(length)
+
+
+def _slope_nodes() -> tuple[Floats, Floats]:
+    """Squared slopes in units of 2 sigma^2, and the share of facets that each stands for, (slopes, 1)."""
+    node, weight = np.polynomial.legendre.leggauss(_SLOPES)
+    slope = 0.5 * _STEEPEST * (1.0 + node[:, None])
+    share = weight[:, None] * slope * np.exp(-np.square(slope))
+    return np.square(slope), share / share.sum()
 
 
 def _facet_azimuths() -> Floats:
