@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,42 @@ def test_a_raw_counts_as_clipped_a_little_below_white():
     red = linearise(mosaic(stored), noise=NOISE).planes[0]
     assert red.flags[1, 1] == SampleFlag.CLIPPED
     assert red.flags[4, 4] == 0
+
+
+@pytest.mark.parametrize("saturation", [0.8, 0.9, 0.97])
+def test_a_sensor_that_saturates_below_its_stated_white_is_found(saturation):
+    """Samples that pile up at a level below white are clipped there; the brightest unclipped ones are not."""
+    rng = np.random.default_rng(9)
+    y, x = np.mgrid[0:200, 0:300]
+    light = 1.6 * np.exp(-((x - 150) ** 2 + (y - 100) ** 2) / 40**2)
+    bright = light > 1.03 * saturation
+    stored = 130 + 10_000 * np.minimum(rng.normal(light, 0.003), rng.normal(saturation, 0.0004, light.shape))
+    frame = mosaic(np.maximum(stored, 0).round())
+    frame = replace(frame, white=np.full((2, 2), 10_130.0))
+    flagged = np.zeros(light.shape, bool)
+    for plane in linearise(frame, noise=NOISE).planes:
+        column, row = (int(c) for c in plane.origin_px)
+        flagged[row::2, column::2] = plane.flags == SampleFlag.CLIPPED
+    assert flagged[bright].all()
+    assert not flagged[light < 0.97 * saturation].any()
+
+
+def test_twelve_bits_in_a_file_of_sixteen_clip_at_their_own_ceiling():
+    """Samples that pile up at 4095 are clipped, though white stays 65535."""
+    stored = np.minimum(np.arange(9000).reshape(50, 60, 3), 4095).astype(np.uint16)
+    image = linearise(colours(stored, 65_535.0), noise=NOISE)
+    assert image.white == 1.0
+    assert np.array_equal(image.planes[0].flags == SampleFlag.CLIPPED, stored[..., 0] > 4095 - 0.005 * 65_535)
+
+
+def test_a_bright_surface_that_does_not_saturate_is_not_clipped():
+    """A flat card at nine tenths of white, with its noise, and a small highlight's peak just below white."""
+    rng = np.random.default_rng(9)
+    y, x = np.mgrid[0:200, 0:300]
+    light = np.where(x < 100, 0.9, 0.98 * np.exp(-((x - 200) ** 2 + (y - 100) ** 2) / 30**2))
+    stored = 130 + 10_000 * rng.normal(light, 0.002)
+    frame = replace(mosaic(np.maximum(stored, 0).round()), white=np.full((2, 2), 10_130.0))
+    assert all(not plane.flags.any() for plane in linearise(frame, noise=NOISE).planes)
 
 
 def test_a_clipped_channel_leaves_the_others_unclipped():

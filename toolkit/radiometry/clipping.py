@@ -11,14 +11,40 @@ from toolkit.flags import SampleFlag
 from toolkit.records import Floats, RawFrame
 
 _CLIPPED, _BLOOM, _INVALID = (np.uint8(flag) for flag in (SampleFlag.CLIPPED, SampleFlag.BLOOM, SampleFlag.INVALID))
-_RAW_MARGIN = 0.005  # of the range from black to white: a raw's saturation scatters by its read noise and gain
+_MARGIN = 0.005  # of the range from black to white: a raw's saturation scatters by its read noise and gain
+_LOWEST = 0.75  # of the range: where a sensor may saturate below the white level that its file states
+_SPIKE = 5  # times as many samples in the uppermost `_MARGIN` as in the next: no unclipped brightness ends like that
+_FEWEST = 20  # samples
 
 
-def ceiling(frame: RawFrame) -> Floats:
-    """The stored level from which samples count as clipped, shaped like `frame.white`; inf where there is none."""
-    if frame.format != "raw":
+def ceiling(frame: RawFrame, stored: NDArray[Any]) -> Floats:
+    """The stored level from which samples count as clipped, shaped like `frame.white`; inf where there is none.
+
+    It is white, for raws half a percent of the range below it, or less where the samples `stored` (the frame's, or a
+    part of them) pile up at a lower level: then that is where the sensor, or what wrote the file, clipped. That level
+    must lie in the upper quarter of the range, or be all ones in fewer bits.
+    """
+    if not np.all(np.isfinite(frame.white)) or frame.encoding != "linear":
         return frame.white
-    return frame.white - np.floor(_RAW_MARGIN * (frame.white - frame.black))
+    margin = _MARGIN * (frame.white - frame.black)
+    level = frame.white - np.floor(margin) if frame.format == "raw" else frame.white.copy()
+    for place in np.ndindex(level.shape):
+        samples = stored[place[0] :: 2, place[1] :: 2] if stored.ndim == 2 else stored[..., place[0]]
+        lowest = frame.black[place] + _LOWEST * (frame.white[place] - frame.black[place])
+        level[place] = np.minimum(level[place], _pile_up(samples, float(lowest), float(margin[place])))
+    return level
+
+
+def _pile_up(samples: NDArray[Any], lowest: float, margin: float) -> float:
+    """The level at which samples pile up, inf where they do not: a narrow spike at the very top, over `lowest`."""
+    top = float(samples.max())
+    all_ones = top > 0 and (int(top) + 1) & int(top) == 0  # 12 bits' ceiling in a file of 16
+    if top < lowest and not all_ones:
+        return float("inf")
+    high = samples[samples > top - 2 * margin]
+    in_spike = np.count_nonzero(high > top - margin)
+    spike = in_spike >= _FEWEST and in_spike > _SPIKE * (high.size - in_spike + 1)
+    return top - margin if spike else float("inf")
 
 
 def mosaic_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:

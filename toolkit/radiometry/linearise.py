@@ -69,7 +69,7 @@ def _whole_cells(box: Box, width: int, height: int) -> Box:
 
 def _mosaic(frame: RawFrame, stored: NDArray[np.uint16], origin: tuple[int, int]) -> tuple[Plane, ...]:
     assert frame.cfa is not None  # noqa: S101  # the caller chose by it
-    flags = clipping.mosaic_flags(stored, clipping.ceiling(frame))
+    flags = clipping.mosaic_flags(stored, clipping.ceiling(frame, stored))
     planes = []
     for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
         black, white = float(frame.black[row, column]), float(frame.white[row, column])
@@ -88,7 +88,7 @@ def _mosaic(frame: RawFrame, stored: NDArray[np.uint16], origin: tuple[int, int]
 def _colours(
     frame: RawFrame, stored: NDArray[Any], origin: tuple[int, int], transfer: Transfer | None
 ) -> tuple[Plane, ...]:
-    flags = clipping.colour_flags(stored, clipping.ceiling(frame))
+    flags = clipping.colour_flags(stored, clipping.ceiling(frame, stored))
     planes = []
     for channel in range(3):
         values = _radiance(frame, stored[..., channel], channel, transfer)

@@ -18,10 +18,10 @@ from toolkit.radiometry.highpass import Residuals, residuals, tiles
 from toolkit.radiometry.noise_line import Line
 from toolkit.records import Floats, Noise, Plane, readonly
 
-_MOST = 400_000  # samples a channel: errors are then far below what is asked, and 24 megapixels cost what one does
+_MOST = 250_000  # samples a channel: errors are then far below what is asked, and 24 megapixels cost what one does
 _FEWEST = 1000  # samples a channel below which nothing is left out for its structure
 _SMALLEST = 8  # samples a side
-_ROUNDS = 6
+_ROUNDS = 4
 _STRUCTURED = 2.0  # `structure` over the noise's variance: about the 99 % point where there is none
 _PILED_UP = 1e-3  # share of samples at a plane's minimum from which the minimum is taken for a clipped black
 _NEAR_BLACK_SD = 4.0  # within so many deviations of a clipped black the noise is cut and not used

@@ -17,6 +17,7 @@ _FEWEST = 200  # samples a bin
 _MEDIAN = 0.7887  # of chi2 with 3 degrees of freedom, over 3: what the median of the mean of three squares is
 _CAP = 3.5  # a sample counts at most so many times its expected variance: edges and hot pixels stay bounded
 _CAPPED_MEAN = 0.98948  # E[min(x, _CAP)] of chi2 with 3 degrees of freedom, over 3
+_ITERATIONS, _SETTLED = 30, 1e-4
 _HUBER = 2.0  # bins further than so many scaled deviations from the line count less: one brightness may be textured
 
 
@@ -79,13 +80,17 @@ def fit(points: Bins, floor: float) -> Line:
     signal = np.maximum(points.signal, 0.0)
     expected = np.maximum(points.variance, floor)
     trust = np.ones_like(expected)
-    for _ in range(30):
+    before = (-1.0, -1.0)
+    for _ in range(_ITERATIONS):
         weight = trust * points.samples / (2.0 * OVERLAP * expected**2)
         gain, offset = _solve(signal, points.variance, weight, floor)
         expected = gain * signal + offset
         off = np.abs(points.variance - expected) / (expected * np.sqrt(2.0 * OVERLAP / points.samples))
         spread = max(1.0, float(np.median(off)) / 0.6745)
         trust = np.minimum(1.0, _HUBER * spread / np.maximum(off, 1e-9))
+        if abs(gain - before[0]) <= _SETTLED * gain and abs(offset - before[1]) <= _SETTLED * offset:
+            break
+        before = gain, offset
     return Line(gain, offset, spread**2 * _covariance(signal, weight))
 
 
