@@ -7,15 +7,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.export.colour import srgb_hex
+from pipelines.export.colour import srgb_encode, srgb_hex
 from pipelines.export.material import Material
 from toolkit.flags import Flag
-from toolkit.records import Fit, MaterialReport
+from toolkit.records import Fit, Floats, MaterialReport
 
 from .numbers import digits, measured, percent
 from .rows import degrees, elpd_difference, ranking, title
 
 GLOSS = ((0.02, "mirror-like"), (0.08, "glossy"), (0.2, "satin"), (0.4, "dull sheen"), (math.inf, "matte"))  # by alpha
+HUES = (
+    (15, "red"),
+    (45, "orange"),
+    (70, "yellow"),
+    (165, "green"),
+    (200, "cyan"),
+    (255, "blue"),
+    (290, "violet"),
+    (340, "pink"),
+    (360, "red"),
+)  # up to which angle of the hue, degrees
+NEUTRAL = 0.08  # saturation below which no hue is seen
 SCALE = (0.005, 1.0)  # the ends of the gloss scale, alpha
 
 
@@ -31,7 +43,7 @@ class Answer:
     width: str
     place: float
     reflection: str
-    reflection_sd: str
+    reflection_exact: str
     reflection_place: float | None  # 0 (1 %) to 1 (all), where it is known as a share
     reflection_note: str
     model: str
@@ -43,7 +55,7 @@ def answer(report: MaterialReport, material: Material) -> Answer:
     """The best fit in words and a few numbers."""
     fit = report.fits[report.best]
     shine = _gloss(material, fit)
-    reflection, reflection_sd = _reflection(report, fit)
+    reflection, reflection_exact = _reflection(report, fit)
     return Answer(
         sentence=_sentence(material, shine),
         swatch=srgb_hex(material.diffuse if not material.metal else material.f0),
@@ -53,7 +65,7 @@ def answer(report: MaterialReport, material: Material) -> Answer:
         width=_width(fit),
         place=_place(material.nearest.alpha, *SCALE),
         reflection=reflection,
-        reflection_sd=reflection_sd,
+        reflection_exact=reflection_exact,
         reflection_place=_place(float(material.f0.mean()), 0.01, 1.0) if report.scene.scale == "absolute" else None,
         reflection_note=_reflection_note(report, material),
         model=f"{title(fit.model)} over {title(fit.diffuse)}",
@@ -74,13 +86,24 @@ def _gloss(material: Material, fit: Fit) -> str:
 
 
 def _sentence(material: Material, shine: str) -> str:
-    kind = "metal" if material.metal else "surface"
     if shine == "no highlight":
-        return "A matte surface: no highlight stands out from the noise."
-    about = "whose colour is in its reflection" if material.metal else "with a coloured body under its highlight"
-    if not material.metal and float(np.ptp(material.diffuse)) < 0.15 * float(material.diffuse.max()):
-        about = "with a neutral body under its highlight"
-    return f"A {shine} {kind} {about}."
+        return f"A matte surface of {hue(material.diffuse, material)} colour: no highlight stands out from the noise."
+    if material.metal:
+        return f"A {shine} metal of {hue(material.f0, material)} reflection."
+    return f"A {shine} surface: {hue(material.diffuse, material)} body under its highlight."
+
+
+def hue(linear: Floats, material: Material) -> str:
+    """The name of a linear sRGB colour's hue; "coloured" where the colours are a camera's own."""
+    import colorsys
+
+    r, g, b = srgb_encode(linear)
+    turn, saturation, _ = colorsys.rgb_to_hsv(float(r), float(g), float(b))
+    if saturation < NEUTRAL:
+        return "neutral"
+    if material.colour_space != "linear sRGB":
+        return "coloured"
+    return next(name for end_deg, name in HUES if 360 * turn <= end_deg)
 
 
 def _swatch_note(report: MaterialReport, material: Material) -> str:
@@ -91,7 +114,7 @@ def _swatch_note(report: MaterialReport, material: Material) -> str:
 def _albedo(fit: Fit) -> str:
     estimate = next((p for p in fit.parameters if p.name == "diffuse_albedo"), None)
     values = fit.colours["diffuse_albedo"] if estimate is None or estimate.estimate is None else estimate.estimate
-    return " · ".join(digits(float(value), 2) for value in np.ravel(np.asarray(values)))
+    return "  ".join(digits(float(value), 2) for value in np.ravel(np.asarray(values)))
 
 
 def _width(fit: Fit) -> str:
@@ -107,7 +130,7 @@ def _width(fit: Fit) -> str:
 
 
 def _reflection(report: MaterialReport, fit: Fit) -> tuple[str, str]:
-    """The highlight's strength, and its sd."""
+    """The highlight's strength, at a glance and with its sd."""
     for name in ("specular_strength", "specular_albedo"):
         found = next((p for p in fit.parameters if p.name == name and p.estimate is not None), None)
         if found is not None:
@@ -115,8 +138,8 @@ def _reflection(report: MaterialReport, fit: Fit) -> tuple[str, str]:
             sd = None if found.sd is None else float(np.mean(found.sd))
             if name == "specular_strength" and report.scene.scale == "absolute":
                 value, sd = 100 * value, None if sd is None else 100 * sd
-                return f"{measured(value, sd)} %", f" ± {digits(sd, 2)}"
-            return measured(value, sd), f" ± {digits(sd, 2)}"
+                return f"{digits(value, 2)} %", f"{measured(value, sd)} ± {digits(sd, 2)} %"
+            return digits(value, 3), f"{measured(value, sd)} ± {digits(sd, 2)}"
     return "", ""
 
 

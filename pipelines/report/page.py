@@ -78,11 +78,13 @@ def _figures(report: MaterialReport) -> dict[str, Any]:
     from .figures.corner_plot import corner_plot
     from .figures.pictures import pictures
     from .figures.profile import highlight, whole_ball
+    from .figures.shrink import small
     from .figures.tone import tone_of
     from .rows import ranking
 
     layers, separation = report.layers, report.separation
-    tone = tone_of(report, layers) if layers is not None else None
+    shown = small(layers) if layers is not None else None
+    tone = tone_of(report, shown.diffuse) if shown is not None else None
     drawn: dict[str, Callable[[], str | None]] = {
         "plane": lambda: whole_ball(report),
         "highlight": lambda: highlight(report, ranking(report)),
@@ -91,7 +93,7 @@ def _figures(report: MaterialReport) -> dict[str, Any]:
     if layers is not None and tone is not None and separation is not None:
         drawn["cluster"] = lambda: skewed_t(separation, layers, tone)
     return {
-        "pictures": pictures(report, layers, tone) if layers is not None and tone is not None else [],
+        "pictures": pictures(report, shown, tone) if shown is not None and tone is not None else [],
         "true_colours": tone is not None and tone.in_srgb,
         "cluster": None,
         **{name: _markup(draw()) for name, draw in drawn.items()},

@@ -151,7 +151,6 @@ class ModelRow:
     shape: str
     difference: str
     sd: str
-    bar: float  # 0 .. 1, of the largest difference
     chi2: str
     status: str
     flags: tuple[str, ...]
@@ -169,8 +168,7 @@ def ranking(report: MaterialReport) -> tuple[int, ...]:
 def model_rows(report: MaterialReport) -> list[ModelRow]:
     """All fits, the best first."""
     differences = [elpd_difference(report.fits[report.best], fit) for fit in report.fits]
-    largest = max([abs(value) for value, _ in differences if value is not None] or [0.0]) or 1.0
-    return [_model(report, index, *differences[index], largest) for index in ranking(report)]
+    return [_model(report, index, *differences[index]) for index in ranking(report)]
 
 
 def elpd_difference(best: Fit, other: Fit) -> tuple[float | None, float | None]:
@@ -181,7 +179,7 @@ def elpd_difference(best: Fit, other: Fit) -> tuple[float | None, float | None]:
     return other.elpd - best.elpd, float(np.sqrt(len(gaps)) * gaps.std(ddof=1)) if len(gaps) > 1 else None
 
 
-def _model(report: MaterialReport, index: int, difference: float | None, sd: float | None, largest: float) -> ModelRow:
+def _model(report: MaterialReport, index: int, difference: float | None, sd: float | None) -> ModelRow:
     fit = report.fits[index]
     best = index == report.best
     return ModelRow(
@@ -190,15 +188,19 @@ def _model(report: MaterialReport, index: int, difference: float | None, sd: flo
         variant=", ".join(f"{option} {choice}" for option, choice in fit.variant.items()),
         diffuse=title(fit.diffuse),
         shape=shape_text(fit),
-        difference="0" if best else digits(None if difference is None else -difference, 3),
-        sd="" if best or not sd else digits(sd, 2),
-        bar=0.0 if difference is None else min(abs(difference) / largest, 1.0),
+        difference="0" if best else behind(difference),
+        sd="" if best or sd is None else behind(-sd, 2),
         chi2=digits(fit.chi2_reduced, 4),
         status=clean(fit.status),
         flags=tuple(clean(flag) for flag in fit.flags),
         best=best,
         preferred=index == report.preferred,
     )
+
+
+def behind(difference: float | None, count: int = 3) -> str:
+    """A difference of log densities, turned positive; below a hundredth it is nothing."""
+    return "0.00" if difference is not None and abs(difference) < 0.005 else digits(difference and -difference, count)
 
 
 def title(lobe: str) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipelines.report.numbers import digits, measured
 from toolkit.records import ColourLayers, Floats, ModelLayers
 
 from .svg import FAINT, FITS, INK, PAPER, figure, svg
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_POINTS = 5000
+ENOUGH = 200_000  # pixels to choose them from
 
 
 def skewed_t(separation: ColourLayers, layers: ModelLayers, tone: Tone) -> str:
@@ -40,6 +42,7 @@ def _chosen(layers: ModelLayers) -> Floats:
     """Colours above the pedestal (N, 3): an even sample of the pixels and of the brightest highlights."""
     seen = layers.used.all(axis=-1) & np.isfinite(layers.model).all(axis=-1)
     index = np.flatnonzero(seen)
+    index = index[:: max(1, len(index) // ENOUGH)]
     if len(index) > MOST_POINTS:
         shine = layers.specular.reshape(-1, 3)[index].sum(axis=-1)
         bright = index[np.argsort(shine, kind="stable")[-(len(index) // 12) :]]
@@ -77,7 +80,7 @@ def _lines(axes: Axes, separation: ColourLayers, across: Floats, x: Floats, y: F
         )
     axes.axhline(0, color=FAINT, lw=0.6, zorder=0)
     axes.annotate(
-        f"{separation.angle_deg:.1f}° ± {separation.angle_sd_deg:.1f}°",
+        f"{measured(separation.angle_deg, separation.angle_sd_deg)}° ± {digits(separation.angle_sd_deg, 2)}°",
         (float(start[0]), float(start[1])),
         xytext=(10, 8),
         textcoords="offset points",

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from toolkit.records import Fit, Floats
 
 from .svg import FITS, INK, figure, svg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_NUMBERS = 6
 MOST_DRAWS = 6000
@@ -50,7 +55,17 @@ def corner_plot(fit: Fit) -> str | None:
         drawn.subplots_adjust(left=0.17, right=0.99, bottom=0.17, top=0.99)
         for axes in drawn.axes:
             axes.tick_params(labelsize=8)
+            _fewer_ticks(axes)
         return svg(drawn, name="corner", label="Posterior of each number of the best fit against each other")
+
+
+def _fewer_ticks(axes: Axes) -> None:
+    """At most three labels a side, none at the ends, where they would meet the neighbour's."""
+    from matplotlib.ticker import MaxNLocator
+
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_visible() and len(axis.get_ticklocs()) > 0:
+            axis.set_major_locator(MaxNLocator(3, prune="both"))
 
 
 def _columns(fit: Fit) -> dict[str, Floats]:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.records import Floats, MaterialReport, ModelLayers
+from toolkit.records import Floats, MaterialReport
 
 from .png import data_uri
-from .tone import Tone, shrink_factor, shrunk
+from .shrink import Small
+from .tone import Tone
 
 # a diverging scale from blue over near-white to red, readable without colour vision (Moreland 2009, coarsened)
 SCALE = np.array([[0.13, 0.30, 0.68], [0.48, 0.66, 0.90], [0.94, 0.94, 0.94], [0.95, 0.60, 0.47], [0.70, 0.05, 0.15]])
@@ -31,20 +32,16 @@ class Picture:
     high: str = ""
 
 
-def pictures(report: MaterialReport, layers: ModelLayers, tone: Tone) -> list[Picture]:
-    """The six pictures of the best fit, each at most 400 pixels wide and high."""
-    factor = shrink_factor(layers.model)
-    small = {
-        name: shrunk(getattr(layers, name), factor=factor) for name in ("photograph", "diffuse", "specular", "model")
-    }
-    told = {
-        "photograph": ("Photograph", "what the camera measured"),
-        "diffuse": ("Diffuse", "light that entered the body and took its colour"),
-        "specular": ("Specular", "light mirrored at the surface"),
-        "model": ("Model", "diffuse + specular + pedestal"),
-    }
-    shown = [_plain(*told[name], small[name], tone) for name in told]
-    return [*shown, _residual_sigmas(report, layers, factor), _residual_percent(layers, factor)]
+def pictures(report: MaterialReport, layers: Small, tone: Tone) -> list[Picture]:
+    """The six pictures of the best fit."""
+    return [
+        _plain("Photograph", "what the camera measured", layers.photograph, tone),
+        _plain("Diffuse", "light that entered the body and took its colour", layers.diffuse, tone),
+        _plain("Specular", "light mirrored at the surface", layers.specular, tone),
+        _plain("Model", "diffuse + specular + pedestal", layers.model, tone),
+        _residual_sigmas(report, layers),
+        _residual_percent(layers),
+    ]
 
 
 def _plain(title: str, caption: str, radiance: Floats, tone: Tone) -> Picture:
@@ -59,30 +56,31 @@ def _plain(title: str, caption: str, radiance: Floats, tone: Tone) -> Picture:
     )
 
 
-def sample_sd(report: MaterialReport, layers: ModelLayers) -> Floats:
-    """Noise sd (h, w, 3) of the layers' own samples: a quad's green is the mean of as many planes as are green."""
+def sample_sd(report: MaterialReport, model: Floats) -> Floats:
+    """Noise sd (h, w, 3) of one sample of the layers: a quad's green is the mean of as many planes as are green."""
     planes = np.bincount([plane.channel for plane in report.image.planes], minlength=3)[:3]
-    variance = [report.image.noise.variance(layers.model[..., c], c) / max(planes[c], 1) for c in range(3)]
+    variance = [report.image.noise.variance(model[..., c], c) / max(planes[c], 1) for c in range(3)]
     return np.asarray(np.sqrt(np.stack(variance, axis=-1)))
 
 
-def _residual_sigmas(report: MaterialReport, layers: ModelLayers, factor: int) -> Picture:
-    z = np.where(layers.used, layers.residual / sample_sd(report, layers), np.nan)
-    value = shrunk(_mean_channel(z), factor=factor) * np.sqrt(3.0) * factor
-    about = f"each pixel is the mean of {factor} x {factor} samples" if factor > 1 else "sample by sample"
-    return _signed("Residual, in noise sd", f"photograph − model over the noise; {about}", value, SIGMAS, "σ")
-
-
-def _residual_percent(layers: ModelLayers, factor: int) -> Picture:
-    unused = ~layers.used
-    residual = shrunk(_mean_channel(np.where(unused, np.nan, layers.residual)), factor=factor)
-    model = shrunk(_mean_channel(np.where(unused, np.nan, layers.model)), factor=factor)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.where(model > LIT * np.nanmax(model), 100.0 * residual / model, np.nan)
-    ends = _round_up(float(np.nanpercentile(np.abs(value), 97))) if np.isfinite(value).any() else 1.0
-    return _signed(
-        "Residual, in % of the model", "photograph − model over the model, where there is light", value, ends, "%"
+def _residual_sigmas(report: MaterialReport, layers: Small) -> Picture:
+    """Each mean over its own noise: three channels of factor^2 samples."""
+    value = _mean_channel(layers.residual / sample_sd(report, layers.model)) * np.sqrt(3.0) * layers.factor
+    each = (
+        f"each pixel is the mean of {layers.factor} × {layers.factor} samples" if layers.factor > 1 else "every sample"
     )
+    return _signed("Residual, in noise sd", f"photograph − model over the noise; {each}", value, SIGMAS, "σ")
+
+
+def _residual_percent(layers: Small) -> Picture:
+    residual = _mean_channel(layers.residual)
+    model = _mean_channel(np.where(np.isfinite(layers.residual), layers.model, np.nan))
+    bright = float(np.nanmax(model)) if np.isfinite(model).any() else 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = np.where(model > LIT * bright, 100.0 * residual / model, np.nan)
+    ends = _round_up(float(np.nanpercentile(np.abs(value), 97))) if np.isfinite(value).any() else 1.0
+    caption = "photograph − model over the model, where there is light"
+    return _signed("Residual, in % of the model", caption, value, ends, "%")
 
 
 def _mean_channel(values: Floats) -> Floats:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipelines.report.rows import title
 from toolkit.records import Fit, Floats, MaterialReport
 
 from .plane import BINS, Bins, angle_deg, binned, light_line, positions
@@ -79,10 +80,7 @@ def highlight(report: MaterialReport, order: tuple[int, ...]) -> str:
 
 def label(fit: Fit) -> str:
     """A fit's name in a legend."""
-    from toolkit.reflectance import LOBES
-
-    title = LOBES[fit.model].title if fit.model in LOBES else fit.model
-    return title if fit.diffuse == "lambert" else f"{title} + {fit.diffuse}"
+    return title(fit.model) if fit.diffuse == "lambert" else f"{title(fit.model)}, {title(fit.diffuse)}"
 
 
 def _fine_line(fit: Fit, low_deg: float, high_deg: float) -> tuple[Floats, Floats, Floats]:

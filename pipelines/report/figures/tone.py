@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipelines.export.colour import reflectance_matrix, srgb_encode
-from toolkit.records import Floats, MaterialReport, ModelLayers, readonly
+from toolkit.records import Floats, MaterialReport, readonly
 
 KNEE = 0.6  # linear up to here, then a shoulder that never clips
 BRIGHT_BODY = 0.6  # where the body's brightest part is shown, linear
-MOST_PX = 400  # width and height of a picture on the page
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,11 +30,11 @@ class Tone:
         return srgb_encode(np.where(linear > KNEE, KNEE + (1 - KNEE) * (1 - np.exp(-over / (1 - KNEE))), linear))
 
 
-def tone_of(report: MaterialReport, layers: ModelLayers) -> Tone:
-    """The curve under which the body of this ball is well exposed and its light looks white."""
+def tone_of(report: MaterialReport, diffuse: Floats) -> Tone:
+    """The curve under which the body of this ball, `diffuse` (h, w, 3), is well exposed and its light looks white."""
     to_srgb = reflectance_matrix(report.image.metadata)
     matrix = (np.eye(3) if to_srgb is None else to_srgb) / light_colour(report)
-    body = layers.diffuse[np.isfinite(layers.diffuse).all(axis=-1)] @ matrix.T
+    body = diffuse[np.isfinite(diffuse).all(axis=-1)] @ matrix.T
     bright = float(np.percentile(body.max(axis=-1), 99)) if len(body) else 0.0
     return Tone(matrix=matrix * (BRIGHT_BODY / bright if bright > 0.0 else 1.0), in_srgb=to_srgb is not None)
 
@@ -50,21 +49,3 @@ def light_colour(report: MaterialReport) -> Floats:
     colour = np.asarray(given, float)
     usable = colour.shape == (3,) and np.isfinite(colour).all() and colour.min() > 0.0
     return np.asarray(colour / colour.max()) if usable else np.ones(3)
-
-
-def shrunk(values: Floats, *, factor: int) -> Floats:
-    """Means over blocks of `factor` x `factor` pixels, NaN where a block holds none; (h, w, ...)."""
-    if factor == 1:
-        return values
-    h, w = (size // factor * factor for size in values.shape[:2])
-    blocks = values[:h, :w].reshape(h // factor, factor, w // factor, factor, *values.shape[2:])
-    seen = np.isfinite(blocks)
-    count = seen.sum(axis=(1, 3))
-    total = np.where(seen, blocks, 0.0).sum(axis=(1, 3))
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-
-
-def shrink_factor(values: Floats) -> int:
-    """By how much a picture is shrunk for the page."""
-    longest = int(max(values.shape[:2]))
-    return max(1, -(-longest // MOST_PX))
