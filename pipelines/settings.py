@@ -119,6 +119,7 @@ class FitTable(Table):
     diffuse: Annotated[tuple[DiffuseModel, ...], Field(max_length=16)] = ()  # none: lambert, the best over all
     specular: Literal["neutral", "coloured"] = "coloured"
     fix: Annotated[tuple[Nuisance, ...], Field(max_length=16)] = ()
+    discrepancy: Literal["on", "off"] = "on"  # "off": the model is taken as exactly right, as for renders
     ess: Annotated[int, Field(ge=100, le=1_000_000)] = 4000  # effective samples to reach
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 

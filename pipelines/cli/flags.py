@@ -104,6 +104,10 @@ class FitFlags:
             help="What is exactly known: light, distance, centre, radius or all. Repeatable.",
         ),
     ] = ()
+    discrepancy: Annotated[
+        Literal["on", "off"] | None,
+        Parameter(group=FIT, help="Allow for what the lobes miss on a real surface; off for renders. [default: on]"),
+    ] = None
     method: Annotated[
         Literal["dichromatic", "none"] | None, Parameter(group=FIT, help="Separation by colour. [default: dichromatic]")
     ] = None
@@ -122,8 +126,9 @@ class FitFlags:
         for flag, key in lists.items():
             if getattr(self, flag):
                 yield Layer(name=f"--{flag}", values={"fit": {key: list(getattr(self, flag))}})
-        if self.specular:
-            yield Layer(name="--specular", values={"fit": {"specular": self.specular}})
+        for flag in ("specular", "discrepancy"):
+            if getattr(self, flag):
+                yield Layer(name=f"--{flag}", values={"fit": {flag: getattr(self, flag)}})
         if self.transfer:
             yield Layer(name="--transfer", values={"image": {"transfer": self.transfer}})
         if self.method:

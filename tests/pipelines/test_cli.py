@@ -219,8 +219,8 @@ def test_flags_become_settings(job: Fake, run: Run) -> None:
     """Each flag reaches its place."""
     words = (
         "a.dng --light -0.4,0.3,0.87 --light=0,0,1 --sphere 10,20,5.5 --model ggx:masking=smith --model phong "
-        "--diffuse lambert --specular neutral --method none --illuminant 1,0.9,0.8 --transfer srgb --fix light "
-        "--seed 7 --preset careful --set fit.ess=900 --set sphere.radius_sd_px=0"
+        "--diffuse lambert --specular neutral --discrepancy off --method none --illuminant 1,0.9,0.8 "
+        "--transfer srgb --fix light --seed 7 --preset careful --set fit.ess=900 --set sphere.radius_sd_px=0"
     )
     assert run(*words.split())[0] == 0
     (_, settings) = job.calls[0]
@@ -229,7 +229,7 @@ def test_flags_become_settings(job: Fake, run: Run) -> None:
     assert (settings.sphere.radius_px, settings.sphere.radius_sd_px) == (5.5, 0.0)
     fit = settings.fit
     assert (fit.models, fit.diffuse, fit.specular) == (("ggx:masking=smith", "phong"), ("lambert",), "neutral")
-    assert (fit.fix, fit.seed, fit.ess) == (("light",), 7, 900)
+    assert (fit.fix, fit.seed, fit.ess, fit.discrepancy) == (("light",), 7, 900, "off")
     assert (settings.separation.method, settings.separation.illuminant) == ("none", (1.0, 0.9, 0.8))
     assert settings.image.transfer == "srgb"
 

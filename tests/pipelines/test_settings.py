@@ -73,6 +73,7 @@ scene_files = st.fixed_dictionaries(
                 "seed": st.integers(0, 2**32 - 1),
                 "fix": st.lists(st.sampled_from(["light", "radius"]), max_size=3),
                 "specular": st.sampled_from(["neutral", "coloured"]),
+                "discrepancy": st.sampled_from(["on", "off"]),
             },
         ),
     },
