@@ -55,11 +55,11 @@ def _near_the_peak(sigma):
 
 @pytest.mark.parametrize("masking", ["smith", "smith-correlated", "v-groove"])
 def test_gtr_with_tail_2_is_ggx(masking):
-    """The generalised tail holds GGX as a special case."""
+    """The generalised tail holds GGX as a special case; its summed masking meets GGX's closed one to 5e-5."""
+    within = 1e-9 if masking == "v-groove" else 5e-5
     for alpha in (0.01, 0.3, 1.0):
-        np.testing.assert_allclose(
-            _value("gtr", alpha, 2.0, masking=masking), _value("ggx", alpha, masking=masking), rtol=1e-9, atol=1e-300
-        )
+        general, special = (_value(name, alpha, *more, masking=masking) for name, *more in (("gtr", 2.0), ("ggx",)))
+        np.testing.assert_allclose(general, special, rtol=within, atol=1e-300)
 
 
 def test_gtr_is_smooth_where_its_formula_is_0_over_0():

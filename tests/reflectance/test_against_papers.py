@@ -52,11 +52,12 @@ CASES = [
 )
 def test_as_printed(name, variant, shapes, paper):
     """The vectorised lobe gives what its paper's formula gives, ray by ray."""
-    light, view = around(60)
+    summed = name in ("torrance-sparrow", "gtr") and variant["masking"] != "v-groove"  # Smith's G1 by summation
+    light, view = around(6 if summed else 60)
     for shape in shapes:
         ours = LOBES[name].value(seen(light, view), shape, variant)
         printed = np.array([paper(towards, camera, *shape) for towards, camera in zip(light, view, strict=True)])
-        np.testing.assert_allclose(ours, printed, rtol=2e-6, atol=1e-9 * printed.max())
+        np.testing.assert_allclose(ours, printed, rtol=1e-4 if summed else 2e-6, atol=1e-9 * printed.max())
 
 
 @pytest.mark.parametrize(("index", "sigma", "within"), [(1.3, 0.05, 2e-4), (1.5, 0.15, 1e-3), (1.7, 0.4, 5e-3)])

@@ -12,13 +12,13 @@ from toolkit.reflectance.distributions import beckmann, ggx
 
 def _smith(density, theta, alpha):
     """G1 as defined: cos(theta) over the projected area of the facets that face the direction."""
-    node, weight = np.polynomial.legendre.leggauss(400)
+    node, weight = np.polynomial.legendre.leggauss(250)
     m = (np.pi / 4) * (1.0 + node)
-    phi = (np.arange(2000) + 0.5) * np.pi / 2000
+    phi = (np.arange(600) + 0.5) * np.pi / 600
     v_dot_m = np.sin(theta) * np.sin(m)[:, None] * np.cos(phi) + np.cos(theta) * np.cos(m)[:, None]
     tilted = direction(m, 0.0)
     facets = density(seen(tilted, tilted), alpha) * np.sin(m) * weight * (np.pi / 4)
-    area = np.sum(facets[:, None] * np.maximum(v_dot_m, 0.0)) * (2 * np.pi / 2000)
+    area = np.sum(facets[:, None] * np.maximum(v_dot_m, 0.0)) * (2 * np.pi / 600)
     return np.cos(theta) / area
 
 

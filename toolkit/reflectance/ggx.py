@@ -32,7 +32,7 @@ def evaluate(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> Floa
 def gradient(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> tuple[Floats, ...]:
     """By alpha."""
     density, d_density = ggx_derivative(cosines, alpha)
-    seen, d_seen = g.masking_derivative(cosines, masking, g.GGX, alpha)
+    seen, (d_seen,) = g.masking_derivatives(cosines, masking, g.GGX, alpha)
     return (microfacet(cosines, d_density * seen + density * d_seen),)
 
 

@@ -4,8 +4,8 @@ For lacquers, polished metals and plastics whose highlight has a sharp core and 
 `tail` 2 is exactly `ggx`; towards 1 the skirt grows longer, above 2 it shortens and the core narrows with it (a
 highlight of tail t is about as wide as a GGX of alpha sqrt(2 / t)).
 
-`masking`: `smith` and `smith-correlated` take GGX's G1, as the paper does, exact at tail 2 only: with long tails
-they let too much light out at grazing, so only `v-groove` claims to conserve energy.
+`masking`: `smith` and `smith-correlated` take Smith's G1 of this very D, summed over its facets and tabulated, not
+GGX's as the paper does, with which the longest tails would give back up to nine times the light at grazing.
 
     >>> from toolkit.reflectance import LOBES, Cosines
     >>> import numpy as np
@@ -23,18 +23,22 @@ from .cosines import Cosines, Number
 from .distributions import gtr, gtr_derivatives
 from .lobe import Claim, Lobe, Parameter, register
 from .microfacet import MASKING, microfacet
+from .smith import exact
+
+SMITH = exact(gtr_derivatives)
 
 
 def evaluate(cosines: Cosines, alpha: Number, tail: Number, *, masking: str = "smith") -> Floats:
     """G D / (4 n.v), F left out, in sr^-1."""
-    return microfacet(cosines, gtr(cosines, alpha, tail) * g.masking(cosines, masking, g.GGX, alpha))
+    return microfacet(cosines, gtr(cosines, alpha, tail) * g.masking(cosines, masking, SMITH, alpha, tail))
 
 
 def gradient(cosines: Cosines, alpha: Number, tail: Number, *, masking: str = "smith") -> tuple[Floats, ...]:
     """By alpha and tail."""
     density, by_alpha, by_tail = gtr_derivatives(cosines, alpha, tail)
-    seen, d_seen = g.masking_derivative(cosines, masking, g.GGX, alpha)
-    return microfacet(cosines, by_alpha * seen + density * d_seen), microfacet(cosines, by_tail * seen)
+    seen, (seen_alpha, seen_tail) = g.masking_derivatives(cosines, masking, SMITH, alpha, tail)
+    first = microfacet(cosines, by_alpha * seen + density * seen_alpha)
+    return first, microfacet(cosines, by_tail * seen + density * seen_tail)
 
 
 register(
@@ -74,7 +78,6 @@ register(
         sharp_angle="half",
         fresnel=True,
         variants={"masking": MASKING},
-        claims=frozenset({Claim.RECIPROCAL, Claim.BOUNDED_AT_GRAZING_VIEW}),
-        variant_claims={("masking", "v-groove"): frozenset({Claim.CONSERVES_ENERGY})},
+        claims=frozenset({Claim.RECIPROCAL, Claim.CONSERVES_ENERGY, Claim.BOUNDED_AT_GRAZING_VIEW}),
     )
 )

@@ -19,7 +19,7 @@ azimuth between light and view.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from . import masking as g
 from .cosines import Cosines, Number
 from .fresnel import dielectric, dielectric_derivative, dielectric_slope
 from .lobe import Claim, Lobe, Parameter, register
+from .per_shape import Flat, per_shape
 
 _SLOPES = 16  # Gauss-Legendre nodes in the slope, out to _STEEPEST
 _STEEPEST = 3.3  # in units of sqrt(2) sigma; 2e-5 of the facets are steeper
@@ -43,38 +44,22 @@ _SQRT2 = float(np.sqrt(2.0))
 
 def evaluate(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Number) -> Floats:
     """The integral over the facets, in sr^-1."""
-    return np.asarray(_each(cosines, diffuse_index, diffuse_roughness_rad, _value)[0])
+    return np.asarray(_each(_value, cosines, diffuse_index, diffuse_roughness_rad)[0])
 
 
 def gradient(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Number) -> tuple[Floats, ...]:
     """By diffuse_index and diffuse_roughness_rad."""
-    by = _each(cosines, diffuse_index, diffuse_roughness_rad, _slopes)
+    by = _each(_slopes, cosines, diffuse_index, diffuse_roughness_rad)
     return by[0], by[1]
 
 
-Flat = tuple[Floats, Floats, Floats]  # n.l, n.v, l.v, each (N,)
+def _each(of: Callable[[Flat, float, float], Floats], cosines: Cosines, *shape: Number) -> Floats:
+    return per_shape(partial(_blocks, of), (cosines.n_dot_l, cosines.n_dot_v, cosines.l_dot_v), shape)
 
 
-def _each(cosines: Cosines, index: Number, sigma: Number, of: Callable[[Flat, float, float], Floats]) -> Floats:
-    """`of` for every pair of shape numbers: (k, ...) in the shape that cosines and shape numbers broadcast to."""
-    pairs = np.broadcast_arrays(index, sigma)
-    parts: list[Floats] = list(np.broadcast_arrays(cosines.n_dot_l, cosines.n_dot_v, cosines.l_dot_v, *pairs))
-    light, view, across = (part.ravel() for part in parts[:3])
-    if pairs[0].size == 1:
-        result = _blocks((light, view, across), float(pairs[0].flat[0]), float(pairs[1].flat[0]), of)
-        return np.asarray(result.reshape(-1, *parts[0].shape))
-    which, place = np.unique(np.stack([part.ravel() for part in parts[3:]]), axis=1, return_inverse=True)
-    result = np.empty((len(of((light[:1], view[:1], across[:1]), *map(float, which[:, 0]))), light.size))
-    for number, pair in enumerate(which.T):
-        here = place.ravel() == number
-        result[:, here] = _blocks((light[here], view[here], across[here]), float(pair[0]), float(pair[1]), of)
-    return np.asarray(result.reshape(-1, *parts[0].shape))
-
-
-def _blocks(flat: Flat, index: float, sigma: float, of: Callable[[Flat, float, float], Floats]) -> Floats:
+def _blocks(of: Callable[[Flat, float, float], Floats], flat: Flat, index: float, sigma: float) -> Floats:
     starts = range(0, max(flat[0].size, 1), _BLOCK)
-    light, view, across = flat
-    parts = [of((light[i : i + _BLOCK], view[i : i + _BLOCK], across[i : i + _BLOCK]), index, sigma) for i in starts]
+    parts = [of(tuple(part[i : i + _BLOCK] for part in flat), index, sigma) for i in starts]
     return np.concatenate(parts, axis=-1)
 
 
@@ -112,7 +97,7 @@ def _sight(cosine: Floats, sigma: float) -> tuple[Floats, Floats]:
     if sigma < _SMOOTH:
         return np.ones_like(cosine), np.zeros_like(cosine)
     alpha = _SQRT2 * sigma
-    return g.BECKMANN.value(cosine, alpha), g.BECKMANN.derivative(cosine, alpha) * _SQRT2
+    return g.BECKMANN.value(cosine, alpha), g.BECKMANN.derivatives(cosine, alpha)[0] * _SQRT2
 
 
 def _over_view(flat: Flat, value: Floats) -> Floats:

@@ -37,12 +37,12 @@ def beckmann_one_sided(cosine: Floats, alpha: Number) -> Floats:
     return np.where(a < 1.6, a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a)), 1.0)
 
 
-def beckmann_one_sided_derivative(cosine: Floats, alpha: Number) -> Floats:
+def beckmann_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
     """The derivative of Walter's rational G1 in `alpha`."""
     a = _cotangent(cosine) / alpha
     above, below = a * (3.535 + 2.181 * a), 1.0 + a * (2.276 + 2.577 * a)
     slope = ((3.535 + 4.362 * a) * below - above * (2.276 + 5.154 * a)) / np.square(below)
-    return np.where(a < 1.6, slope * (-a / alpha), 0.0)
+    return (np.where(a < 1.6, slope * (-a / alpha), 0.0),)
 
 
 def _cotangent(cosine: Floats) -> Floats:
@@ -54,10 +54,10 @@ def ggx_one_sided(cosine: Floats, alpha: Number) -> Floats:
     return np.asarray(2.0 * cosine / np.maximum(cosine + _ggx_root(cosine, alpha), _TINY))
 
 
-def ggx_one_sided_derivative(cosine: Floats, alpha: Number) -> Floats:
+def ggx_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
     """The derivative of GGX's G1 in `alpha`."""
     root = np.maximum(_ggx_root(cosine, alpha), _TINY)
-    return np.asarray(-2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(cosine + root) * root))
+    return (-2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(cosine + root) * root),)
 
 
 def _ggx_root(cosine: Floats, alpha: Number) -> Floats:
@@ -67,36 +67,39 @@ def _ggx_root(cosine: Floats, alpha: Number) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneSided:
-    """Smith's G1 of one D, with its derivative in the width."""
+    """Smith's G1 of one D, (cosine, *shape) -> array, and its derivatives in each shape number."""
 
-    value: Callable[[Floats, Number], Floats]
-    derivative: Callable[[Floats, Number], Floats]
-
-
-BECKMANN = OneSided(value=beckmann_one_sided, derivative=beckmann_one_sided_derivative)
-GGX = OneSided(value=ggx_one_sided, derivative=ggx_one_sided_derivative)
+    value: Callable[..., Floats]
+    derivatives: Callable[..., tuple[Floats, ...]]
 
 
-def masking(cosines: Cosines, choice: str, smith: OneSided, alpha: Number) -> Floats:
-    """G for `choice`, one of "v-groove", "smith", "smith-correlated"."""
+BECKMANN = OneSided(value=beckmann_one_sided, derivatives=beckmann_one_sided_derivative)
+GGX = OneSided(value=ggx_one_sided, derivatives=ggx_one_sided_derivative)
+
+
+def masking(cosines: Cosines, choice: str, smith: OneSided, *shape: Number) -> Floats:
+    """G for `choice`, one of "v-groove", "smith", "smith-correlated"; `shape` is that of the D masked."""
     if choice == "v-groove":
         return v_groove(cosines)
-    light, view = smith.value(cosines.n_dot_l, alpha), smith.value(cosines.n_dot_v, alpha)
+    light, view = smith.value(cosines.n_dot_l, *shape), smith.value(cosines.n_dot_v, *shape)
     if choice == "smith":
         return light * view
     return light * view / _either(light, view)
 
 
-def masking_derivative(cosines: Cosines, choice: str, smith: OneSided, alpha: Number) -> tuple[Floats, Floats]:
-    """G for `choice`, and its derivative in `alpha`."""
+def masking_derivatives(
+    cosines: Cosines, choice: str, smith: OneSided, *shape: Number
+) -> tuple[Floats, tuple[Floats, ...]]:
+    """G for `choice`, and its derivative in each shape number."""
     if choice == "v-groove":
-        return v_groove(cosines), np.zeros(())
-    light, view = smith.value(cosines.n_dot_l, alpha), smith.value(cosines.n_dot_v, alpha)
-    d_light, d_view = smith.derivative(cosines.n_dot_l, alpha), smith.derivative(cosines.n_dot_v, alpha)
+        return v_groove(cosines), tuple(np.zeros(()) for _ in shape)
+    light, view = smith.value(cosines.n_dot_l, *shape), smith.value(cosines.n_dot_v, *shape)
+    by_light, by_view = smith.derivatives(cosines.n_dot_l, *shape), smith.derivatives(cosines.n_dot_v, *shape)
     if choice == "smith":
-        return light * view, d_light * view + light * d_view
+        return light * view, tuple(a * view + light * b for a, b in zip(by_light, by_view, strict=True))
     either = _either(light, view)
-    return light * view / either, np.square(view / either) * d_light + np.square(light / either) * d_view
+    ahead, behind = np.square(view / either), np.square(light / either)
+    return light * view / either, tuple(ahead * a + behind * b for a, b in zip(by_light, by_view, strict=True))
 
 
 def _either(light: Floats, view: Floats) -> Floats:

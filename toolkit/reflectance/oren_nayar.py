@@ -2,8 +2,8 @@ r"""Oren-Nayar: a rough matte body, its facets Lambertian; flatter than Lambert'
 
 For plaster, clay, sand, brick, unglazed pottery, the full moon. `diffuse_roughness_rad` 0 is Lambert.
 
-`form=qualitative` is the short form everyone uses; `form=full` is the paper's complete fit to its integral. The full form dips below 0 at
-opposite grazing directions beyond about 0.65 rad, and is cut at 0 there.
+`form=qualitative` is the short form everyone uses; `form=full` is the paper's complete fit to its integral. The full
+form dips below 0 at opposite grazing directions beyond about 0.65 rad, and is cut at 0 there.
 
 `interreflection` adds the light that bounces twice between facets. It grows with the square of the albedo, so it is
 not linear in the colour; it is kept linear by taking its one extra factor of albedo at a fixed 0.2, 0.5 or 0.8.

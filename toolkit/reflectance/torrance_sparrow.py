@@ -5,8 +5,8 @@ beyond the mirror direction as the light goes down ("off-specular peak"). It sta
 a fixed light: G falls as fast as 1 / (n.v) grows. The lecture's closing form K exp(-theta_h^2 / (2 sigma^2)) F G /
 (n.v) has K = E / (8 pi sigma^2) for small sigma.
 
-`masking=smith` and `smith-correlated` use Beckmann's G1 at alpha = sqrt(2) sigma, the Gaussian of slopes that fits
-a Gaussian of angles for small sigma; beyond about 0.3 rad they no longer conserve energy.
+`masking=v-groove` is the lecture's. `smith` and `smith-correlated` take Smith's G1 of this very D, summed over its
+facets and tabulated.
 
     >>> from toolkit.reflectance import LOBES, Cosines
     >>> import numpy as np
@@ -17,8 +17,6 @@ a Gaussian of angles for small sigma; beyond about 0.3 rad they no longer conser
 
 from __future__ import annotations
 
-import numpy as np
-
 from toolkit.records import Floats
 
 from . import masking as g
@@ -26,23 +24,21 @@ from .cosines import Cosines, Number
 from .distributions import gaussian, gaussian_derivative
 from .lobe import Claim, Lobe, Parameter, register
 from .microfacet import microfacet
+from .smith import exact
 
-_ALPHA_PER_SIGMA = float(np.sqrt(2.0))
+SMITH = exact(gaussian_derivative)
 
 
 def evaluate(cosines: Cosines, roughness_rad: Number, *, masking: str = "v-groove") -> Floats:
     """G D / (4 n.v), F left out, in sr^-1."""
-    alpha = _ALPHA_PER_SIGMA * np.asarray(roughness_rad)
-    seen = g.masking(cosines, masking, g.BECKMANN, alpha)
-    return microfacet(cosines, gaussian(cosines, roughness_rad) * seen)
+    return microfacet(cosines, gaussian(cosines, roughness_rad) * g.masking(cosines, masking, SMITH, roughness_rad))
 
 
 def gradient(cosines: Cosines, roughness_rad: Number, *, masking: str = "v-groove") -> tuple[Floats, ...]:
     """By roughness_rad."""
-    alpha = _ALPHA_PER_SIGMA * np.asarray(roughness_rad)
     density, d_density = gaussian_derivative(cosines, roughness_rad)
-    seen, d_seen = g.masking_derivative(cosines, masking, g.BECKMANN, alpha)
-    return (microfacet(cosines, d_density * seen + density * d_seen * _ALPHA_PER_SIGMA),)
+    seen, (d_seen,) = g.masking_derivatives(cosines, masking, SMITH, roughness_rad)
+    return (microfacet(cosines, d_density * seen + density * d_seen),)
 
 
 register(
@@ -72,7 +68,6 @@ register(
         sharp_angle="half",
         fresnel=True,
         variants={"masking": ("v-groove", "smith", "smith-correlated")},
-        claims=frozenset({Claim.RECIPROCAL, Claim.BOUNDED_AT_GRAZING_VIEW}),
-        variant_claims={("masking", "v-groove"): frozenset({Claim.CONSERVES_ENERGY})},
+        claims=frozenset({Claim.RECIPROCAL, Claim.CONSERVES_ENERGY, Claim.BOUNDED_AT_GRAZING_VIEW}),
     )
 )
