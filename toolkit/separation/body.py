@@ -53,15 +53,16 @@ def body_colour(cloud: Blocks, light: Floats) -> Body:
     scatter = (q.T @ q - noise.sum(axis=0)) / len(q)
     values, axes = np.linalg.eigh(scatter)
     typical = float(np.trace(noise.mean(axis=0)) / 2)
-    if values[1] < typical * 6 * math.sqrt(2 / len(q)):
-        faintest = math.sqrt(max(values[1], typical * 6 * math.sqrt(2 / len(q))))
-        sd = faintest / max(float(np.sqrt(np.mean((cloud.colour @ light) ** 2))), 1e-300)
-        spread = min(sd, 1.0) ** 2 / 2 * across.T @ across
-        return Body(colour=light, covariance=spread, misfit=1.0, off_plane=math.sqrt(typical))
-    towards = axes[:, 1] * np.sign(axes[:, 1] @ q.sum(axis=0) or 1.0)
-    towards, turn_variance, scale, off = _refine(q, noise, towards)
-    u = towards @ across
-    return _along(cloud, light, u, turn_variance, scale, off)
+    faintest = typical * 6 * math.sqrt(2 / len(q))
+    towards = axes[:, 1] * (np.sign(axes[:, 1] @ q.sum(axis=0)) or 1.0)
+    if values[1] > faintest:
+        towards, turn_variance, scale, off = _refine(q, noise, towards)
+        u = towards @ across
+        if np.quantile(cloud.colour @ u, 0.98) > 0:
+            return _along(cloud, light, u, turn_variance, scale, off)
+    along = max(float(np.sqrt(np.mean((cloud.colour @ light) ** 2))), 1e-300)
+    sd = min(math.sqrt(max(values[1], faintest)) / along, 1.0)
+    return Body(colour=light, covariance=sd**2 / 2 * across.T @ across, misfit=1.0, off_plane=math.sqrt(typical))
 
 
 def _basis(light: Floats) -> Floats:

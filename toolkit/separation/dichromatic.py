@@ -57,6 +57,8 @@ def separate(
     line = highlight_line(cloud, body.colour, light) if body.seen else None
     found = _layers(ready, body, light, of_light)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
+    flags = verdict(ready, cloud, cluster, body, line, found, light, (angle, angle_sd))
+    found = found.times(ready.unit)
     return ColourLayers(
         method="dichromatic",
         body_colour=body.colour,
@@ -71,11 +73,11 @@ def separate(
         specular=found.specular,
         covariance=found.covariance,
         residual=found.residual,
-        corner=line.corner if line else np.full(3, np.nan),
+        corner=line.corner * ready.unit if line else np.full(3, np.nan),
         highlight_colour=line.direction if line else np.full(3, np.nan),
         origin_px=origin_px,
         step_px=step_px,
-        flags=verdict(ready, cloud, cluster, body, line, found, light, (angle, angle_sd)),
+        flags=flags,
     )
 
 
@@ -95,4 +97,4 @@ def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Fl
         return 0.0, float(np.degrees(np.sqrt(np.trace(of_first) + np.trace(of_second))))
     along = (second - dot * first) / cross, (first - dot * second) / cross
     variance = along[0] @ of_first @ along[0] + along[1] @ of_second @ along[1]
-    return float(np.degrees(angle)), float(np.degrees(np.sqrt(variance)))
+    return float(np.degrees(angle)), float(np.degrees(np.sqrt(max(variance, 0.0))))

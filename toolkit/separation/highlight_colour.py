@@ -15,13 +15,14 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .illuminant import Illuminant
+from .illuminant import Illuminant, unit_colour
 from .plane import DichromaticPlane, dichromatic_plane
 from .samples import Blocks, Mask, Samples, block_size, blocks
 
 CORE = 0.1  # of the strongest highlight: blocks above it show where the highlight lies
 REACH = 1.0  # of the neighbourhood's radius over sqrt(2) times the highlight's rms radius
 FEWEST = 40  # blocks in the neighbourhood: well more than the unknowns of a cubic
+ENOUGH = 20_000  # blocks in all, beyond which finer ones only cost time
 WORST_DEG = 20.0  # stated error beyond which there is no answer
 
 
@@ -33,7 +34,10 @@ def by_highlight_line(ready: Samples) -> Illuminant | None:
         return None
     found = []
     while size >= 1:  # small highlights need small blocks, broad ones the low noise of large ones
-        found.append(_from_blocks(blocks(ready, size), plane))
+        cloud = blocks(ready, size)
+        found.append(_from_blocks(cloud, plane))
+        if len(cloud.weight) > ENOUGH:
+            break
         size //= 2
     heard = [each for each in found if each is not None]
     return _agree(min(heard, key=lambda each: each.sd_deg), heard) if heard else None
@@ -120,8 +124,10 @@ def _illuminant(plane: DichromaticPlane, kappa: float, sd: float, off: float) ->
     covariance = within * np.outer(along, along)
     across = float(colour @ plane.covariance @ colour) + off**2 / length**2
     covariance += across * np.outer(plane.normal, plane.normal)
+    if not np.any(colour > 0):
+        return None
     found = Illuminant(
-        colour=np.maximum(colour, 0) / np.linalg.norm(np.maximum(colour, 0)),
+        colour=unit_colour(np.maximum(colour, 0)),
         covariance=covariance,
         source="highlight-line",
         reason="the T's highlight line, the shading under it taken out",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from toolkit.errors import BadInputError
 from toolkit.records import Floats, Noise
 
-from .illuminant import Illuminant
+from .illuminant import Illuminant, unit_colour
 from .plane import DichromaticPlane, dichromatic_plane
 from .samples import Mask, block_size, blocks, samples
 
@@ -56,9 +56,8 @@ def _meet(planes: list[DichromaticPlane]) -> Illuminant:
     spread = spread * (max(off, 1.0) ** 2 if len(planes) > 2 else 1.0)
     if np.sqrt(np.trace(spread)) > np.radians(20) or np.any(line < -0.05):
         raise BadInputError("the bodies' colour planes do not meet in one line; expected bodies of different hue")
-    line = np.maximum(line, 0.0)
     return Illuminant(
-        colour=line / np.linalg.norm(line),
+        colour=unit_colour(np.maximum(line, 0.0)),
         covariance=spread,
         source="planes",
         reason=f"the colour planes of {len(planes)} bodies meet there",

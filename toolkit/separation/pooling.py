@@ -17,9 +17,11 @@ from toolkit.records import ColourLayers, Floats
 
 from .local import Local, local_quadratic
 from .projection import colour_share
+from .samples import Mask, unit_of
 
 RADII = (1, 2, 3, 5, 8, 12)  # px
 WIDTH = 2.0  # half the interval, in sd: narrower keeps edges, wider removes more noise
+LEAST = 1e-14  # variance, of the brightest pixel squared: float32 holds no more
 BIASED = 3.0  # on variances: the largest window not contradicted has a bias of its own, 1.4 sd on rendered spheres
 
 
@@ -29,23 +31,38 @@ def pool(layers: ColourLayers) -> ColourLayers:
     Both coefficients are kept from falling below 0. Where nothing was known, the surroundings' values are taken.
     """
     body, light = layers.body_colour, layers.light_colour
-    a, s = layers.diffuse @ body, layers.specular @ light
-    whole = np.asarray(layers.covariance, float)
+    unit = unit_of(np.nan_to_num(np.abs(layers.diffuse) + np.abs(layers.specular)))
+    a, s = layers.diffuse @ body / unit, layers.specular @ light / unit
+    whole = np.asarray(layers.covariance, float) / unit / unit
     systematic = _systematic(layers, a, s)
-    var_a, shared, var_s = np.moveaxis(np.where(np.isfinite(whole), _noise_alone(whole, systematic), np.inf), -1, 0)
-    smooth_a = adaptive(a, var_a)
-    with np.errstate(invalid="ignore"):
-        slope = np.where(np.isfinite(var_a), shared / var_a, 0.0)
-        given = s + slope * (smooth_a.value - a)  # the light's coefficient once the body's is known
-        smooth_s = adaptive(given, var_s - slope * shared + slope**2 * smooth_a.variance)
-    covariance = np.stack([smooth_a.variance, slope * smooth_a.variance, smooth_s.variance], axis=-1)
+    covariance = np.where(np.isfinite(whole), _noise_alone(whole, systematic), np.inf)
+    smooth_a, smooth_s, slope = _both(a, s, covariance)
+    off = np.isnan(whole[..., 0])
+    pooled = np.stack([smooth_a.variance, slope * smooth_a.variance, smooth_s.variance], axis=-1)
     return dataclasses.replace(
         layers,
         method=f"{layers.method}, pooled",
-        diffuse=(np.maximum(smooth_a.value, 0.0)[..., None] * body).astype(np.float32),
-        specular=(np.maximum(smooth_s.value, 0.0)[..., None] * light).astype(np.float32),
-        covariance=(BIASED * covariance + systematic).astype(np.float32),
+        diffuse=_layer(smooth_a.value * unit, body, off),
+        specular=_layer(smooth_s.value * unit, light, off),
+        covariance=np.where(off[..., None], np.nan, (BIASED * pooled + systematic) * unit**2).astype(np.float32),
     )
+
+
+def _both(a: Floats, s: Floats, covariance: Floats) -> tuple[Local, Local, Floats]:
+    """Pooled coefficients, and how the light's follows the body's (h, w)."""
+    var_a, shared, var_s = np.moveaxis(covariance, -1, 0)
+    var_a = var_a + LEAST  # a variance of 0 is one that float32 could not hold
+    smooth_a = adaptive(a, var_a)
+    known = np.isfinite(covariance).all(axis=-1)
+    slope = np.where(known, shared, 0.0) / np.where(known, var_a, 1.0)
+    given = s + slope * np.where(known, smooth_a.value - a, 0.0)  # the light's coefficient once the body's is known
+    of_given = np.where(known, var_s - slope * np.where(known, shared, 0.0), np.inf) + LEAST
+    return smooth_a, adaptive(given, of_given + slope**2 * np.nan_to_num(smooth_a.variance)), slope
+
+
+def _layer(coefficient: Floats, colour: Floats, off: Mask) -> Floats:
+    kept = np.where(off, np.nan, np.maximum(coefficient, 0.0))
+    return (kept[..., None] * colour).astype(np.float32)
 
 
 def _systematic(layers: ColourLayers, a: Floats, s: Floats) -> Floats:

@@ -29,6 +29,18 @@ class Layers:
     def __post_init__(self) -> None:
         readonly(self)
 
+    def times(self, unit: float) -> Layers:
+        """The layers in units so many times smaller."""
+        if unit == 1.0:
+            return self
+        with np.errstate(over="ignore", under="ignore"):  # float32 ends where the picture's own units are extreme
+            return Layers(
+                diffuse=(self.diffuse * np.float64(unit)).astype(np.float32),
+                specular=(self.specular * np.float64(unit)).astype(np.float32),
+                covariance=(self.covariance * np.float64(unit) ** 2).astype(np.float32),
+                residual=(self.residual * np.float64(unit)).astype(np.float32),
+            )
+
 
 def project(
     picture: Samples, body: Floats, light: Floats, *, body_covariance: Floats, light_covariance: Floats
@@ -71,7 +83,7 @@ def _rows(
     seen = usable[:, 0].astype(np.intp) + usable[:, 1] + usable[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / (bb * ll - bl * bl)
-        inverse[seen < 2] = np.nan
+        inverse[(seen < 2) | ~np.isfinite(inverse)] = np.nan
         a, s = (ll * b - bl * l) * inverse, (bb * l - bl * b) * inverse
         covariance = np.stack([a * a, s * s], axis=1) @ shared
         for entry, part in enumerate((ll, -bl, bb)):

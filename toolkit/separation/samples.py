@@ -16,6 +16,7 @@ FEWEST = 64  # pixels with all channels usable, below which no cluster is seen
 MOST_BLOCKS = 12000  # more cost time and tell no more
 FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
 WANTED_NOISE = 3e-5  # of the brightest block: less no longer moves the matte line's one-sided fit
+LOUDEST = 1e12  # variance, beyond which a sample tells nothing whatever its size
 ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
 
 
@@ -28,6 +29,7 @@ class Samples:
     usable: Mask  # (h, w, 3)
     weight: Floats  # (h, w): 1, less beside clipped pixels, 0 where a channel is missing or off the sphere
     on_sphere: Mask  # (h, w)
+    unit: float  # radiance of 1 in `values`: 1, or a power of two where the picture's own units are extreme
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -73,7 +75,28 @@ def samples(
     if bloom is not None:
         weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
     _refuse_empty(values, weight)
-    return Samples(values=values, variance=_variance(variance, values, good), usable=good, weight=weight, on_sphere=on)
+    noise = _variance(variance, values, good)
+    unit = unit_of(values)
+    if unit != 1.0:
+        values, noise = values / unit, noise / unit / unit
+    return Samples(
+        values=values,
+        variance=np.minimum(noise, LOUDEST) + ROUNDING**2 * _largest(values) ** 2,
+        usable=good,
+        weight=weight,
+        on_sphere=on,
+        unit=unit,
+    )
+
+
+def _largest(values: Floats) -> float:
+    return max(float(values.max()), -float(values.min()))
+
+
+def unit_of(values: Floats) -> float:
+    """1 for any sensible picture; else the power of two that makes it one, so that no product over- or underflows."""
+    largest = _largest(values)
+    return 1.0 if 1e-6 < largest < 1e6 or largest == 0 else float(2.0 ** np.round(np.log2(largest)))
 
 
 def _mask(name: str, mask: Mask | None, shape: tuple[int, ...]) -> Mask:
@@ -99,16 +122,14 @@ def _refuse_empty(values: Floats, weight: Floats) -> None:
 def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
     if isinstance(variance, Noise):
         mean = local_mean(values, good)
-        found = np.stack([variance.variance(mean[..., c], c) for c in range(3)], axis=-1)
-    else:
-        found = np.asarray(variance, float)
-        if found.shape not in ((3,), values.shape):
-            raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
-        if not np.all(np.isfinite(found) & (found >= 0)):
-            raise BadInputError(
-                "variance holds negative or non-finite numbers; expected the square of each sample's sd"
-            )
-    return found + (ROUNDING * max(float(values.max()), -float(values.min()))) ** 2
+        return np.stack([variance.variance(mean[..., c], c) for c in range(3)], axis=-1)
+    found = np.asarray(variance, float)
+    if found.shape not in ((3,), values.shape):
+        raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
+    wrong = ~(np.isfinite(found) & (found >= 0))
+    if np.any(wrong & (good if found.ndim == 3 else True)):
+        raise BadInputError("variance holds negative or non-finite numbers; expected each sample's sd squared")
+    return np.where(wrong, 0.0, found) if wrong.any() else found
 
 
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
@@ -119,14 +140,10 @@ def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
 
 def _box(values: Floats, radius: int) -> Floats:
     """Sums over squares of 2 radius + 1 pixels, the outside counted as 0."""
-    for axis in (0, 1):
-        pad = [(0, 0)] * values.ndim
-        pad[axis] = (radius + 1, radius)
-        total = np.cumsum(np.pad(values, pad), axis=axis)
-        size = values.shape[axis]
-        upper = np.take(total, np.arange(2 * radius + 1, 2 * radius + 1 + size), axis=axis)
-        values = upper - np.take(total, np.arange(size), axis=axis)
-    return values
+    import cv2  # slow to import, and only a Noise needs it
+
+    side = 2 * radius + 1
+    return np.asarray(cv2.boxFilter(values, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT))
 
 
 def block_size(picture: Samples) -> int:
