@@ -55,7 +55,7 @@ def _table(density: Density, shape: tuple[float, ...]) -> Floats:
 
 def _facet_angles() -> tuple[Floats, Floats]:
     """Angles of the facets from the normal, and the solid angle over 2 pi of each; finer towards the normal."""
-    edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.2, 16), np.linspace(0.2, np.pi / 2, 33)[1:]])
+    edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.2, 28), np.linspace(0.2, np.pi / 2, 40)[1:]])
     node, share = np.polynomial.legendre.leggauss(_NODES)
     half = 0.5 * np.diff(edges)[:, None]
     theta = (edges[:-1, None] + half * (1.0 + node)).ravel()
