@@ -20,6 +20,7 @@ _CALLERS_MISTAKE = {
     errno.EISDIR,
     errno.ENAMETOOLONG,
     errno.ENOENT,
+    errno.EEXIST,
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -16,7 +17,7 @@ THREADS = 2  # a sphere box of 1333 x 1333 x 12: 0.55 s, with one thread 1.3 s; 
 def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
     """Write float32 scan lines, losslessly packed (ZIP); 0 off the sphere. One sample a quad where a mosaic was fitted.
 
-    displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it.
+    Raises OSError where the disk does not take it. displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it.
     """
     import OpenEXR
 
@@ -33,6 +34,8 @@ def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
     try:
         with OpenEXR.File(header, _channels(layers)) as file:
             file.write(str(path))
+    except RuntimeError as error:  # all that OpenEXR says of a disk
+        raise OSError(errno.EIO, "OpenEXR could not write the layers; is the disk full?") from error
     finally:
         OpenEXR.set_global_thread_count(before)
 

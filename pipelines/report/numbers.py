@@ -6,6 +6,7 @@ import math
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
+FINEST = 7  # decimals before an exponent reads better
 
 
 def measured(value: float | None, sd: float | None) -> str:
@@ -15,9 +16,9 @@ def measured(value: float | None, sd: float | None) -> str:
     if sd is None or not math.isfinite(sd) or sd <= 0.0:
         return digits(value)
     decimals = 1 - math.floor(math.log10(sd) + 1e-9)
-    if decimals > 9 or (value != 0.0 and abs(value) < 1e-4) or abs(value) >= 1e7:
-        leading = math.floor(math.log10(max(abs(value), sd))) + decimals
-        return _signed(f"{value:.{max(leading, 0)}e}")
+    if value != 0.0 and (decimals > FINEST or abs(value) >= 1e7):
+        after_first = decimals + math.floor(math.log10(abs(value)))
+        return _signed(f"{value:.{max(after_first, 0)}e}")
     return _signed(f"{round(value, decimals):.{max(decimals, 0)}f}")
 
 
@@ -28,7 +29,7 @@ def digits(value: float | None, count: int = 4) -> str:
     if value == 0.0:
         return "0"
     power = math.floor(math.log10(abs(value)))
-    if -5 <= power < 7:
+    if -6 <= power < 7:
         return _signed(f"{value:.{max(count - 1 - power, 0)}f}")
     return _signed(f"{value:.{count - 1}e}")
 

@@ -25,15 +25,22 @@ DIAGNOSTICS = ("ess_min", "r_hat_max", "tau_max", "acceptance")
 
 
 def write_posterior(path: Path, report: MaterialReport) -> None:
-    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; packed without loss."""
+    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; packed without loss.
+
+    It is laid out in memory first: on a full disk HDF5 leaves its file open and its complaints on the terminal.
+    """
+    import io
+
     import h5netcdf
 
-    with h5netcdf.File(path, "w") as file:
+    held = io.BytesIO()
+    with h5netcdf.File(held, "w") as file:
         for index, (name, fit) in enumerate(zip(names(report.fits), report.fits, strict=True)):
             group = file if index == report.best else file.create_group(f"fits/{name}")
             _write_draws(group.create_group("posterior"), fit, report.image.sha256)
             _write_scalars(group.create_group("sample_stats"), _diagnostics(fit))
             _write_quality(group.create_group("fit"), fit)
+    path.write_bytes(held.getbuffer())
 
 
 def names(fits: tuple[Fit, ...]) -> list[str]:
