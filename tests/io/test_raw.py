@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import subprocess
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from tests import realdata
 from tests.io import good
 from toolkit.errors import BadInputError
+from toolkit.io import raw
 from toolkit.io.read import read_in_process
 
 CHANNELS = {"R": 0, "G": 1, "B": 2}
@@ -105,8 +108,61 @@ def test_the_masked_border_is_no_part_of_the_picture():
     frame = read_in_process(path)
     import rawpy
 
-    with rawpy.imread(str(path)) as raw:
-        assert np.array_equal(frame.values, raw.raw_image[26 : 26 + 1156, 152 : 152 + 1734])
+    with rawpy.imread(str(path)) as whole:
+        assert np.array_equal(frame.values, whole.raw_image[26 : 26 + 1156, 152 : 152 + 1734])
+
+
+def linear_dng(path, values):
+    """A DNG whose samples are linear colours, or one channel, already: no mosaic."""
+    import tifffile
+
+    version, camera = (50706, 1, 4, bytes((1, 4, 0, 0)), True), (50708, 2, 0, "Pico", True)
+    kind = 2 if values.ndim == 3 else 1
+    tifffile.imwrite(path, values, photometric=kind, extratags=[version, camera], metadata=None)
+    plain, linear = (struct.pack("<HHIHH", 262, 3, 1, code, 0) for code in (kind, 34892))  # PhotometricInterpretation
+    path.write_bytes(path.read_bytes().replace(plain, linear, 1))
+    return path
+
+
+def test_a_linear_dng_gives_three_colours(tmp_path):
+    """Without a mosaic the samples are the pixels, as stored."""
+    stored = (good.picture() * 60_000).astype(np.uint16)
+    frame = read_in_process(linear_dng(tmp_path / "a.dng", stored))
+    assert frame.cfa is None
+    assert frame.encoding == "linear"
+    assert np.array_equal(frame.values, stored)
+    assert frame.white.tolist() == [65_535.0] * 3
+
+
+def test_a_monochrome_raw_is_refused(tmp_path):
+    """One channel separates nothing."""
+    stored = (good.picture()[..., 0] * 60_000).astype(np.uint16)
+    with pytest.raises(BadInputError, match="one channel"):
+        read_in_process(linear_dng(tmp_path / "a.dng", stored))
+
+
+def test_other_mosaics_are_refused():
+    """X-Trans by its size, four-colour sensors by their letters."""
+    xtrans = SimpleNamespace(color_desc=b"RGBG", raw_pattern=np.zeros((6, 6), np.uint8), num_colors=3)
+    with pytest.raises(BadInputError, match="6 x 6"):
+        raw._colour_tile(xtrans)
+    pattern = np.array([[0, 1], [2, 3]], np.uint8)
+    emerald = SimpleNamespace(
+        color_desc=b"RGBE",
+        raw_pattern=pattern,
+        num_colors=4,
+        sizes=SimpleNamespace(top_margin=0, left_margin=0),
+        raw_color=lambda row, column: pattern[row, column],
+    )
+    with pytest.raises(BadInputError, match="BEGR"):
+        raw._colour_tile(emerald)
+
+
+def test_a_foveon_raw_is_refused(tmp_path):
+    """Its three layers are no camera colours."""
+    (tmp_path / "a.x3f").write_bytes(b"FOVb" + bytes(5000))
+    with pytest.raises(BadInputError, match="Foveon"):
+        read_in_process(tmp_path / "a.x3f")
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.9, 0.999])

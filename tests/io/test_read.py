@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+
 import numpy as np
 import pytest
 
 from tests import realdata
+from tests.io import good
 from toolkit.errors import BadInputError
+from toolkit.io import metadata
+from toolkit.io.decoded import Limits
 from toolkit.io.read import read, read_in_process
 
 
@@ -52,3 +58,60 @@ def test_a_folder_is_refused(tmp_path):
     """A folder is no photograph."""
     with pytest.raises(BadInputError, match="a folder"):
         read(tmp_path)
+
+
+def test_a_pipe_is_refused_without_waiting_for_it(tmp_path):
+    """A named pipe that nobody writes to would hang a reader."""
+    os.mkfifo(tmp_path / "pipe.dng")
+    with pytest.raises(BadInputError, match="not a regular file"):
+        read(tmp_path / "pipe.dng")
+
+
+def test_a_name_with_a_zero_byte_is_no_file():
+    """The system has no such names."""
+    with pytest.raises(BadInputError, match="no such file"):
+        read("a\0b.dng")
+
+
+def test_a_file_over_the_limit_is_refused_unread(tmp_path):
+    """A sparse file of 3 GB: said with both figures."""
+    with (tmp_path / "huge.png").open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        file.truncate(3_000_000_000)
+    with pytest.raises(BadInputError, match=r"3\.0 GB; at most 2\.1 GB"):
+        read(tmp_path / "huge.png")
+
+
+def test_limits_grow_with_the_file():
+    """A bomb is small; a large file may cost more."""
+    limits = Limits()
+    assert limits.memory_for(1_000_000) < 1e9
+    assert limits.memory_for(200_000_000) > 2e9
+    assert limits.cpu_for(1_000_000) < 10 < limits.cpu_for(200_000_000)
+
+
+def test_the_digest_is_of_the_file(tmp_path):
+    """SHA-256 of the bytes, in hexadecimal."""
+    path = good.png(tmp_path / "a.png")
+    assert read(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_metadata_that_do_not_parse_are_left_out_with_a_note(tmp_path, monkeypatch):
+    """A parser may raise anything; the pixels come all the same."""
+
+    def fails(path):
+        raise RecursionError("tags point at\nthemselves")
+
+    monkeypatch.setitem(metadata._SOURCES["raw"], "EXIF", fails)
+    frame = read_in_process(good.dng(tmp_path / "a.dng"))
+    assert frame.values.shape == (48, 64)
+    assert frame.metadata.make == ""
+    assert frame.metadata.noise_profile
+    assert frame.metadata.notes == ("EXIF left out: RecursionError: tags point at themselves",)
+
+
+def test_text_from_a_file_is_one_printable_line(tmp_path):
+    """Control characters and endless names do not reach a terminal or a page."""
+    told = read_in_process(good.dng(tmp_path / "a.dng", model="\x1b[31mred\nalert " + "x" * 500)).metadata
+    assert told.model.isprintable()
+    assert len(told.model) <= 300

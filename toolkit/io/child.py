@@ -63,6 +63,7 @@ def limit_process(limits: Limits, file_bytes: int) -> None:
     for what, limit, beyond in (
         (resource.RLIMIT_AS, memory, 0),
         (resource.RLIMIT_CPU, seconds, 1),  # at the lower limit comes SIGXCPU, which says why
+        (resource.RLIMIT_FSIZE, memory, 0),  # the answer lies in memory too, and was an array before
         (resource.RLIMIT_CORE, 0, 0),
     ):
         hard = resource.getrlimit(what)[1]

@@ -25,6 +25,9 @@ def decode(path: str, check_size: CheckSize) -> Decoded:
     """
     import rawpy
 
+    with open(path, "rb") as file:  # noqa: PTH123  # pathlib costs the child's start-up
+        if file.read(4) == b"FOVb":
+            raise BadInputError("a Foveon raw; its layers are no red, green and blue: export it as 16-bit linear TIFF")
     try:
         raw = rawpy.RawPy()  # never closed: the pixels handed on are its own, and keep it
         raw.open_file(path)

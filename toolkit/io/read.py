@@ -59,11 +59,15 @@ class _Digest:
     def __init__(self, path: str) -> None:
         self._path = path
         self.value = ""
+        self._failure = ""
         self._thread = threading.Thread(target=self._compute, daemon=True)
 
     def _compute(self) -> None:
-        with Path(self._path).open("rb") as file:
-            self.value = hashlib.file_digest(file, "sha256").hexdigest()
+        try:
+            with Path(self._path).open("rb") as file:
+                self.value = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            self._failure = f"cannot be read to its end ({error.strerror}); copy it again"
 
     def __enter__(self) -> _Digest:
         self._thread.start()
@@ -71,6 +75,8 @@ class _Digest:
 
     def __exit__(self, *_: object) -> None:
         self._thread.join()
+        if self._failure:
+            raise BadInputError(self._failure)
 
 
 def _frame(name: str, sha256: str, decoded: Decoded) -> RawFrame:
