@@ -34,6 +34,7 @@ def fit_models(image: LinearImage, scene: Scene, settings: Settings, progress: P
             Model.named(name, diffuse, variant, neutral=settings.fit.specular == "neutral"),
             seed=settings.fit.seed,
             fixed=settings.fit.fix,
+            discrepancy=settings.fit.discrepancy == "on",
             effective=settings.fit.ess,
         )
 

@@ -15,6 +15,14 @@ from toolkit.records import Camera, Floats, LinearImage, Noise, Plane, Scene, Sp
 
 NOISE = Noise(gain=np.full(3, 1 / 40000), read=np.full(3, 3 / 40000), source="given")
 BODY, F0 = (0.45, 0.2, 0.08), 0.04
+EXIF = {  # what a DNG must say and no fit here looks at
+    "xyz_to_camera": np.eye(3),
+    "as_shot_neutral": (1.0, 1.0, 1.0),
+    "exposure_s": 1 / 60,
+    "iso": 100,
+    "f_number": 16.0,
+    "focal_length_mm": 85.0,
+}
 
 
 def scene_of(size_px: int, *, light_deg: float = 35.0, sphere_sd_px: float = 0.1, scale: str = "absolute") -> Scene:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.inference.compare import blocks_of, elpd_blocks, rank
+from toolkit.inference.blocks import blocks_of, by_block
+from toolkit.inference.compare import elpd_blocks, rank
 from toolkit.inference.fit import fit, pose
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
@@ -44,7 +45,7 @@ def test_leaving_a_block_out_is_what_a_new_fit_without_it_predicts() -> None:
     cells = gather_for(image, scene)
     optimum = fit(pose(Model.named("torrance-sparrow"), scene, cells, NOISE))
     blocks = blocks_of(scene, cells)
-    quick = elpd_blocks(optimum, blocks)
+    quick = elpd_blocks(optimum, by_block(optimum, blocks))
     for block in np.unique(blocks)[[1, -2]]:
         kept = replace(cells, channels=tuple(d.picked(m := blocks[d.rows] != block, d.rows[m]) for d in cells.channels))
         without = fit(pose(Model.named("torrance-sparrow"), scene, kept, NOISE), start=None)

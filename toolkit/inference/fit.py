@@ -17,7 +17,7 @@ from toolkit.records import Floats, Noise, Scene
 
 from .cells import Cells
 from .model import Columns, Fresnel, Lit, Model, columns, fresnel_of, lit_by, names_of
-from .normal import Layout, Normal, Prior, assemble, bounded, lay_out, solve
+from .normal import Layout, Normal, Prior, Weighing, assemble, bounded, lay_out, solve, weigh
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
 DESCENTS = 4  # how many of them are descended from
@@ -47,7 +47,7 @@ class Problem:
         """The model's columns at one shape."""
         return columns(self.model, self.fresnel, self.lights, self.cells, u, derivatives=derivatives)
 
-    def assemble(self, cols: tuple[Columns, ...], weights: tuple[Floats, ...], at: Floats | None = None) -> Normal:
+    def assemble(self, cols: tuple[Columns, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
         normal = assemble(cols, self.cells, weights, self.layout, self.prior, self.extras, at)
         if at is not None:
@@ -72,7 +72,7 @@ class Optimum:
     problem: Problem
     u: Floats
     x: Floats
-    weights: tuple[Floats, ...]
+    weights: Weighing
     joint: Floats
     chi2: float  # with the prior's part
     on_bound: NDArray[np.bool_]  # linear unknowns, then shape
@@ -137,7 +137,9 @@ def _prior(
 
 def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
     """The optimum of a problem; `start`, of a neighbouring problem on the same cells, spares the search."""
-    return refine(problem, start.u, start.weights) if start is not None else minima(problem)[0]
+    if start is None:
+        return minima(problem)[0]
+    return refine(problem, start.u, weigh(start.weights.weights, problem.extras))
 
 
 def minima(problem: Problem) -> list[Optimum]:
@@ -147,7 +149,7 @@ def minima(problem: Problem) -> list[Optimum]:
     return sorted(found, key=lambda optimum: optimum.chi2)
 
 
-def refine(problem: Problem, u: Floats, weights: tuple[Floats, ...]) -> Optimum:
+def refine(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
     """Descend from a shape, with new weights from the prediction in turn, until both stand."""
     here = _descend(problem, u, weights)
     for _ in range(ROUNDS):
@@ -200,15 +202,16 @@ def _shape_sd(joint: Floats, problem: Problem) -> Floats:
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(joint)[problem.layout.size :], 1e-300)))
 
 
-def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> tuple[Floats, ...]:
+def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
     """One over the variance of each cell's mean at the predicted radiance."""
-    return tuple(
+    weights = tuple(
         data.count / problem.noise.variance(signal, c)
         for c, (data, signal) in enumerate(zip(problem.cells.channels, predicted, strict=True))
     )
+    return weigh(weights, problem.extras)
 
 
-def _descend(problem: Problem, u: Floats, weights: tuple[Floats, ...]) -> Optimum:
+def _descend(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
     """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
     low, high = problem.model.bounds()
     u = np.clip(u, low, high)
@@ -251,7 +254,7 @@ class _Projection:
     on_bound: NDArray[np.bool_]
 
 
-def _project(problem: Problem, u: Floats, weights: tuple[Floats, ...]) -> _Projection:
+def _project(problem: Problem, u: Floats, weights: Weighing) -> _Projection:
     cols = problem.columns(u, derivatives=True)
     normal = problem.assemble(cols, weights)
     x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)

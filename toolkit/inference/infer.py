@@ -8,14 +8,16 @@ import numpy as np
 
 from toolkit.records import Fit, Floats, LinearImage, Scene
 
+from .blocks import blocks_of, by_block
 from .cells import Cells, gather
-from .compare import blocks_of, elpd_blocks
+from .compare import elpd_blocks
+from .discrepancy import stretch_of, stretched
 from .estimates import estimates_of, flags_of, named_draws
 from .fit import Optimum, pose
 from .model import Model
 from .normal import inverse
 from .nuisances import Shifts, fit_with_shifts, shifted, shifts_of
-from .posterior import CHAINS, Draws, Progress, sample
+from .posterior import CHAINS, Progress, sample
 
 
 def infer(
@@ -26,17 +28,24 @@ def infer(
     *,
     seed: int,
     fixed: Collection[str] = (),
+    discrepancy: bool = True,
     effective: int = 4000,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit one model; `fixed` names the calibration that is exactly known ("light", "centre", ..., or "all")."""
+    """Fit one model.
+
+    `fixed` names the calibration that is exactly known ("light", "centre", ..., or "all"); without `discrepancy` the
+    intervals are those of a model that is exactly right.
+    """
     shifts = shifts_of(scene, fixed)
     problem = pose(model, scene, cells, image.noise)
     optimum, total = fit_with_shifts(problem, shifts)
-    draws = sample(optimum, seed=seed, effective=effective, progress=progress)
+    blocks = by_block(optimum, blocks_of(scene, cells))
+    stretch = stretch_of(optimum, blocks) if discrepancy else np.eye(len(optimum.joint))
+    draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(optimum)
     estimates = estimates_of(optimum, draws)
-    blocks = elpd_blocks(optimum, blocks_of(scene, cells))
+    elpd = elpd_blocks(optimum, blocks)
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}
     names = {p.name for p in model.parameters}
     colours = {name: value for name, value in at_mode.items() if name not in names}
@@ -51,13 +60,13 @@ def infer(
         shape={name: float(at_mode[name]) for name in names},
         colours=colours,
         chi2_reduced=chi2_reduced,
-        elpd=float(blocks.sum()),
-        elpd_blocks=blocks,
+        elpd=float(elpd.sum()),
+        elpd_blocks=elpd,
         parameters=estimates,
         diagnostics=draws.diagnostics,
         draws=_by_chain(named_draws(optimum, draws.u, draws.x)),
         scene=shifted(scene, shifts, total) if shifts.names else scene,
-        nuisances=_shift_table(optimum, shifts, total, draws),
+        nuisances=_shift_table(optimum, shifts, total, stretch),
     )
 
 
@@ -72,7 +81,7 @@ def misfit(optimum: Optimum) -> tuple[float, float]:
     problem = optimum.problem
     predicted = problem.predict(problem.columns(optimum.u), optimum.x)
     chi2, square, signal, cells = 0.0, 0.0, 0.0, 0
-    for w, data, p in zip(optimum.weights, problem.cells.channels, predicted, strict=True):
+    for w, data, p in zip(optimum.weights.weights, problem.cells.channels, predicted, strict=True):
         residual = data.value - p
         chi2 += float(w @ residual**2)
         square += float(data.count @ residual**2)
@@ -89,7 +98,8 @@ def _by_chain(draws: Mapping[str, Floats]) -> dict[str, Floats]:
     }
 
 
-def _shift_table(optimum: Optimum, shifts: Shifts, total: Floats, draws: Draws) -> dict[str, tuple[float, float]]:
-    layout = optimum.problem.layout
-    sd = np.sqrt(np.diag(inverse(optimum.joint)))[len(layout.names) : layout.size]
+def _shift_table(optimum: Optimum, shifts: Shifts, total: Floats, stretch: Floats) -> dict[str, tuple[float, float]]:
+    named = len(optimum.problem.layout.names)
+    covariance = stretch @ inverse(optimum.joint) @ stretch.T
+    sd = np.sqrt(np.diag(covariance))[named : named + len(shifts.names)]
     return {name: (float(t), float(s)) for name, t, s in zip(shifts.names, total, sd, strict=True)}

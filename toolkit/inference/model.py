@@ -111,15 +111,21 @@ def fresnel_of(model: Model, scene: Scene) -> Fresnel:
     return Fresnel(kind=kind, reference_s=at_mirror[0])
 
 
-def mirror_schlick(scene: Scene, light: Light) -> float:
-    """Schlick's s where the normal halves light and view: at the centre of the highlight."""
+def mirror_normal(scene: Scene, light: Light) -> Floats:
+    """The normal that halves light and view: the centre of the highlight."""
     normal = np.array([0.0, 0.0, 1.0])
     view = view_of_centre(scene)
     for _ in range(30):
         towards, _ = light.at(normal[None])
         normal = towards[0] + view
         normal /= np.linalg.norm(normal)
-    return float((1.0 - towards[0] @ normal) ** 5)
+    return np.asarray(normal)
+
+
+def mirror_schlick(scene: Scene, light: Light) -> float:
+    """Schlick's s at the centre of the highlight."""
+    normal = mirror_normal(scene, light)
+    return float((1.0 - light.at(normal[None])[0][0] @ normal) ** 5)
 
 
 def view_of_centre(scene: Scene) -> Floats:

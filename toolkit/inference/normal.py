@@ -76,10 +76,27 @@ class Normal:
     squares: float  # weighted sum of squares of the data less the known offset
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Weighing:
+    """Weights of the cells per channel, with all that follows from them and the extra columns alone."""
+
+    weights: tuple[Floats, ...]  # (n,) each, one over the variance of a cell's mean
+    weighted: tuple[Floats, ...]  # (q, n) each, the extra columns times the weights
+    gram: tuple[Floats, ...]  # (q, q) each
+
+
+def weigh(weights: tuple[Floats, ...], extras: tuple[Floats, ...]) -> Weighing:
+    """Weights of a problem with these extra columns, (n, q) per channel."""
+    weighted = tuple(np.ascontiguousarray(e.T * w) for e, w in zip(extras, weights, strict=True))
+    return Weighing(
+        weights=weights, weighted=weighted, gram=tuple(a @ e for a, e in zip(weighted, extras, strict=True))
+    )
+
+
 def assemble(
     columns: tuple[Columns, ...],
     cells: Cells,
-    weights: tuple[Floats, ...],
+    weighing: Weighing,
     layout: Layout,
     prior: Prior,
     extras: tuple[Floats, ...],
@@ -87,25 +104,31 @@ def assemble(
 ) -> Normal:
     """Normal equations at one shape; with coefficients `at` (P,), of the steps from them and from the shape."""
     shapes = len(columns[0].d_offset) if at is not None else 0
-    size = layout.size + shapes
+    named, size = len(layout.names), layout.size + shapes
     matrix, rhs, squares = np.zeros((size, size)), np.zeros(size), 0.0
     towards = prior.centre if at is None else prior.centre - at
     matrix[: layout.size, : layout.size] += prior.precision
     rhs[: layout.size] += prior.precision @ towards
     squares += float(towards @ prior.precision @ towards)
-    for c, (cols, data, w, extra) in enumerate(zip(columns, cells.channels, weights, extras, strict=True)):
-        index = np.concatenate([layout.index[c], np.arange(len(layout.names), size)])
-        y = data.value - cols.offset
-        full = [cols.matrix, extra]
+    extra = np.arange(named, layout.size)
+    for c, (cols, data, w) in enumerate(zip(columns, cells.channels, weighing.weights, strict=True)):
+        index = np.concatenate([layout.index[c], np.arange(layout.size, size)])
+        y, mine = data.value - cols.offset, cols.matrix
         if at is not None:
-            mine = at[layout.index[c]]
-            y = y - cols.matrix @ mine - extra @ at[len(layout.names) : layout.size]
-            full.append(np.stack([m @ mine + o for m, o in zip(cols.d_matrix, cols.d_offset, strict=True)], axis=1))
-        a = np.hstack(full)
-        weighted = a * w[:, None]
-        matrix[np.ix_(index, index)] += weighted.T @ a
-        rhs[index] += weighted.T @ y
+            here = at[layout.index[c]]
+            y = y - cols.matrix @ here - extras[c] @ at[named : layout.size]
+            slopes = [m @ here + o for m, o in zip(cols.d_matrix, cols.d_offset, strict=True)]
+            mine = np.column_stack([cols.matrix, *slopes])
+        weighted = mine.T * w
+        matrix[np.ix_(index, index)] += weighted @ mine
+        rhs[index] += weighted @ y
         squares += float(w @ (y * y))
+        if layout.extras:
+            across = weighing.weighted[c] @ mine
+            matrix[np.ix_(extra, index)] += across
+            matrix[np.ix_(index, extra)] += across.T
+            matrix[np.ix_(extra, extra)] += weighing.gram[c]
+            rhs[extra] += weighing.weighted[c] @ y
     return Normal(matrix=matrix, rhs=rhs, squares=squares)
 
 

@@ -1,0 +1,52 @@
+"""Intervals that hold on photographs: the model is never exactly right, and the noise alone knows nothing of it.
+
+What a model gets wrong is shared by neighbouring samples, so it shows in how far the blocks of the surface pull the
+answer apart. Where they do so beyond what the noise explains, the posterior is stretched to the covariance that the
+blocks' own scores have (the sandwich: Huber 1967, White 1982; applied to draws: Shaby 2014). Where they do not, as on
+a perfect render, nothing changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .blocks import Blocks
+from .fit import Optimum
+from .normal import inverse
+from .posterior import Draws
+
+
+def stretch_of(optimum: Optimum, blocks: Blocks) -> Floats:
+    """The matrix (P, P) that takes deviations of all unknowns from the mode to those the blocks' scores warrant.
+
+    In the coordinates in which the posterior is a unit ball, the blocks' scores have a covariance whose eigenvalues
+    are 1 but for the misfit. Chance lifts the largest of them to (1 + sqrt(P / B))^2 (Marchenko & Pastur 1967); only
+    what exceeds that counts.
+    """
+    covariance = inverse(optimum.joint)
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    used = np.any(blocks.score != 0.0, axis=1)
+    count = int(used.sum())
+    scores = (blocks.score[used] - blocks.score[used].mean(axis=0)) @ root
+    spread, directions = np.linalg.eigh(scores.T @ scores * (count / max(count - 1, 1)))
+    chance = (1.0 + np.sqrt(len(root) / max(count, 1))) ** 2
+    factor = np.sqrt(np.where(spread > chance, spread, 1.0))
+    whitened = (directions * factor) @ directions.T
+    return np.asarray(root @ whitened @ np.linalg.inv(root))
+
+
+def stretched(optimum: Optimum, draws: Draws, stretch: Floats) -> Draws:
+    """The draws with their deviations from the mode stretched; what leaves a parameter's range is put on its end."""
+    problem = optimum.problem
+    mode = np.concatenate([optimum.x, optimum.u])
+    moved = mode + (np.hstack([draws.x, draws.u]) - mode) @ stretch.T
+    size = problem.layout.size
+    return Draws(
+        u=np.clip(moved[:, size:], *problem.model.bounds()),
+        x=np.clip(moved[:, :size], problem.prior.low, problem.prior.high),
+        diagnostics=draws.diagnostics,
+        long_enough=draws.long_enough,
+        truncation=draws.truncation,
+    )
