@@ -17,7 +17,8 @@ THREADS = 2  # a sphere box of 1333 x 1333 x 12: 0.55 s, with one thread 1.3 s; 
 def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
     """Write float32 scan lines, losslessly packed (ZIP); 0 off the sphere. One sample a quad where a mosaic was fitted.
 
-    Raises OSError where the disk does not take it. displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it.
+    displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it. Raises OSError where the
+    disk does not take it.
     """
     import OpenEXR
 

@@ -24,6 +24,8 @@ class Small:
     model: Floats
     residual: Floats
     factor: int
+    origin_px: tuple[float, float]  # of the layers themselves, as step_px
+    step_px: int
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -39,6 +41,8 @@ def small(layers: ModelLayers) -> Small:
         model=shrunk(layers.model, factor),
         residual=shrunk(np.where(layers.used, layers.residual, np.float32(np.nan)), factor),
         factor=factor,
+        origin_px=layers.origin_px,
+        step_px=layers.step_px,
     )
 
 
