@@ -1,7 +1,7 @@
 r"""Phong: a highlight round the mirrored light, as the lecture writes it: L = I rho_s (R.E)^n.
 
-For comparison with what renderers did for decades. It is no BRDF: it has no cosine, is not reciprocal, and its
-highlight stays round at grazing light where real ones stretch. For the same highlight its exponent is about a
+For comparison with what renderers did for decades. It is no BRDF: it has no cosine, is not reciprocal, and on a plane
+its highlight stays round at grazing light where real ones stretch. For the same highlight its exponent is about a
 quarter of Blinn's.
 
 `normalisation=energy` is the reciprocal, energy conserving form: (n + 2) / (2 pi) (r.v)^n n.l (Lafortune &
