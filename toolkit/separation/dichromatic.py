@@ -18,8 +18,10 @@ from .fill import fill
 from .highlight import highlight_line
 from .illuminant import of_samples, unit_colour
 from .projection import Layers, project, unknown
-from .samples import Mask, Samples, block_size, blocks, samples
+from .samples import Blocks, Mask, Samples, block_size, blocks, samples
 from .verdict import verdict
+
+LOUDER = 3.0  # noise found over noise told, above which the matte line is fitted anew
 
 
 def separate(
@@ -51,9 +53,8 @@ def separate(
     else:
         light = unit_colour(light_colour)
         of_light = np.zeros((3, 3)) if light_covariance is None else np.asarray(light_covariance, float)
-    cloud = blocks(ready, block_size(ready))
+    cloud, body = _cloud_and_body(ready, light)
     cluster = classify(cloud)
-    body = body_colour(cloud, light)
     line = highlight_line(cloud, body.colour, light) if body.seen else None
     found = _layers(ready, body, light, of_light)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
@@ -81,6 +82,18 @@ def separate(
     )
 
 
+def _cloud_and_body(ready: Samples, light: Floats) -> tuple[Blocks, Body]:
+    """The block means and the body colour, on larger blocks where the noise is well above what was told."""
+    size = block_size(ready)
+    cloud = blocks(ready, size)
+    body = body_colour(cloud, light)
+    larger = block_size(ready, body.misfit)
+    if body.misfit < LOUDER or larger <= size:
+        return cloud, body
+    cloud = blocks(ready, larger)
+    return cloud, body_colour(cloud, light)
+
+
 def _layers(ready: Samples, body: Body, light: Floats, of_light: Floats) -> Layers:
     """All pixels on the two colours; nothing but NaN where the body's colour is not seen beside the light's."""
     if not body.seen:
@@ -96,5 +109,5 @@ def angle_between(first: Floats, of_first: Floats, second: Floats, of_second: Fl
     if cross < 1e-12:
         return 0.0, float(np.degrees(np.sqrt(np.trace(of_first) + np.trace(of_second))))
     along = (second - dot * first) / cross, (first - dot * second) / cross
-    variance = along[0] @ of_first @ along[0] + along[1] @ of_second @ along[1]
+    variance = float(along[0] @ of_first @ along[0] + along[1] @ of_second @ along[1])
     return float(np.degrees(angle)), float(np.degrees(np.sqrt(max(variance, 0.0))))

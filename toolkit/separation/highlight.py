@@ -35,10 +35,18 @@ def highlight_line(cloud: Blocks, body: Floats, light: Floats) -> HighlightLine 
     out = s > np.maximum(STANDS_OUT * sd, 0.1 * float(s.max()))
     if np.count_nonzero(out) < LEAST:
         return None
-    slope, corner = np.polyfit(s[out], a[out], 1, w=np.sqrt(np.maximum(s[out], 0.0)))
+    slope, corner = _line(s[out], a[out])
     direction = light + slope * body
     return HighlightLine(
         corner=max(float(corner), 0.0) * body,
         direction=direction / max(float(np.linalg.norm(direction)), 1e-300),
         share=float(out.mean()),
     )
+
+
+def _line(s: Floats, a: Floats) -> tuple[float, float]:
+    """Slope and start of a = start + slope s, weighted by s; no slope where all highlights are of one strength."""
+    mean_s, mean_a = float(np.average(s, weights=s)), float(np.average(a, weights=s))
+    spread = float(s @ (s - mean_s) ** 2)
+    slope = float(s @ ((s - mean_s) * (a - mean_a))) / spread if spread > 1e-12 * mean_s**2 * float(s.sum()) else 0.0
+    return slope, mean_a - slope * mean_s

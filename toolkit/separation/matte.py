@@ -16,6 +16,7 @@ real one last, so that clean and noisy pictures take the same path.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +25,12 @@ from numpy.typing import NDArray
 from toolkit.records import Floats
 
 LOW, HIGH, STEP = -8.0, 24.0, 0.125  # the window of z = (t - slope m) / sd that the mixture describes
-WIDTHS = (0.75, 1.5, 3.0, 6.0, 12.0, 24.0)  # of the half-uniforms, in sd
+WIDTHS = (1.5, 3.0, 6.0, 24.0)  # of the half-uniforms, in sd; a narrower one passes for a shifted point mass
+PREFERENCE = 0.005  # for the point mass, as a share of the samples: where nothing decides, a pixel is matte
 STRAY = 0.001  # of the samples belong to no component: dust, a foreign pixel
 FIRST_NOISE = 0.02  # of the largest m: the noise that the first and coarsest level pretends
 FINER = 0.25  # from level to level
+FALL = 0.8  # power of the noise with which the tail's pull falls; on rendered spheres 0.7 to 0.9
 FINEST = 1e-12  # of the largest m: rounding
 FEWEST = 5  # samples on the line, below which a level says nothing
 
@@ -68,6 +71,8 @@ def weights(counts: Floats, start: Floats, rounds: int = 8) -> Floats:
     for _ in range(rounds):
         joint = share[:, None] * DENSITY
         share = joint @ (counts / (joint.sum(axis=0) + stray)) / total
+        share[0] += PREFERENCE
+        share /= share.sum()
     return np.asarray(share)
 
 
@@ -109,25 +114,35 @@ class _Level:
 
 def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) -> Edge:
     """Fit t = slope m + s, s >= 0, to samples (N,), m > 0, with their noise (N,) each, all in the same units."""
-    cloud = _Cloud(t=t, m=m, var_t=var_t, var_m=var_m, cov=cov)
     top = float(np.quantile(m, 0.98))
+    cloud = _Cloud(t=t, m=m, var_t=var_t + (FINEST * top) ** 2, var_m=var_m, cov=cov)
     bright = m > 0.3 * top
     start = float(np.quantile(t[bright] / m[bright], 0.1))
-    before = found = _Level(slope=start, share=np.full(len(DENSITY), 1.0 / len(DENSITY)))
+    found = _Level(slope=start, share=np.full(len(DENSITY), 1.0 / len(DENSITY)))
+    history: list[tuple[float, float]] = []
     floor = max(0.5 * float(np.sqrt(np.median(cloud.variance(start, 0.0)))), FINEST * top)
     pretend = FIRST_NOISE * top
     while pretend >= 0:
         finer = _settle(cloud, _below_cloud(cloud, found, pretend, 0.3 * top), pretend)
         if finer is None:
             break
-        before, found = found, finer
+        found = finer
+        history.append((math.hypot(pretend, 2 * floor), found.slope))
         away = cloud.t - found.slope * cloud.m
         # what lies beyond the window at this level cannot come back at a finer one
         cloud = cloud.where(away < HIGH * np.sqrt(cloud.variance(found.slope, pretend)))
         pretend = _next(pretend, found.scatter, floor)
-    pull = 0.5 * (before.slope - found.slope)  # the tail's pull falls by about 3 from level to level
-    sd = math.sqrt(1.0 / max(found.information, 1.0 / (1 + found.slope**2)) + pull**2)
+    sd = math.sqrt(1.0 / max(found.information, 1.0 / (1 + found.slope**2)) + _pull(history) ** 2)
     return Edge(slope=found.slope, sd=sd, matte_share=float(found.share[0]))
+
+
+def _pull(history: Sequence[tuple[float, float]]) -> float:
+    """How far the highlight's tail still pulls the slope, from how it fell with the noise (noise, slope) so far."""
+    for noise, slope in reversed(history[:-1]):
+        ratio = min(noise / history[-1][0], 16.0)
+        if ratio > 1.5:
+            return float((slope - history[-1][1]) / (ratio**FALL - 1))
+    return 0.0
 
 
 def _next(pretend: float, scatter: float, floor: float) -> float:
@@ -148,7 +163,7 @@ def _below_cloud(cloud: _Cloud, level: _Level, pretend: float, faint: float) -> 
     return _Level(slope=min(level.slope, ceiling), share=level.share)
 
 
-def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 8) -> _Level | None:
+def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 30) -> _Level | None:
     """Fisher scoring at one level; None where hardly a sample lies on the line: there is nothing finer to see."""
     slope, share, information = level.slope, level.share, 0.0
     for _ in range(rounds):
@@ -167,7 +182,7 @@ def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 8) -> _L
         information = each * float(pull @ pull)
         step = float(pull @ psi) / max(information, 1e-300)
         slope += step
-        if step * step * information < 1e-3:
+        if step * step * information < 1e-5:
             break
     scatter = float(np.median(np.abs(z[np.abs(z) < 3])) * np.median(sd))
     return _Level(slope=slope, share=share, information=information, scatter=scatter)

@@ -17,6 +17,7 @@ from .samples import Blocks
 
 FAINTEST = 0.15  # of the brightest blocks: fainter ones say nothing of the edge
 SIGNIFICANT = 6.0  # sd of a noise eigenvalue that the plane's width must exceed
+CLEAR = 0.1  # correlation of hue with brightness beyond which it tells the highlight's side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,8 +58,7 @@ def _matte_side(cloud: Blocks, normal: Floats, covariance: Floats, main: Floats)
     across = np.cross(normal, main)
     m, t = cloud.colour @ main, cloud.colour @ across
     use = m > FAINTEST * float(np.quantile(m, 0.98))
-    ratio = t[use] / m[use]
-    if np.mean((ratio - np.median(ratio)) ** 3) < 0:
+    if not _highlight_above(t[use] / m[use], m[use]):
         across, t = -across, -t
     variance = cloud.variance[use]
     edge = lower_edge(t[use], m[use], variance @ across**2, variance @ main**2, variance @ (across * main))
@@ -67,3 +67,11 @@ def _matte_side(cloud: Blocks, normal: Floats, covariance: Floats, main: Floats)
     return DichromaticPlane(
         normal=normal, covariance=covariance, body=body, body_sd=edge.sd / (1 + edge.slope**2), across=turned
     )
+
+
+def _highlight_above(ratio: Floats, brightness: Floats) -> bool:
+    """Which side of the cluster the highlight is on: that of the brighter blocks, else that of the longer tail."""
+    away = ratio - np.median(ratio)
+    spread = float(np.std(ratio) * np.std(brightness))
+    lean = float(np.mean(away * (brightness - brightness.mean()))) / spread if spread > 0 else 0.0
+    return lean > 0 if abs(lean) > CLEAR else bool(np.mean(away**3) >= 0)

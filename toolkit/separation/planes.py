@@ -16,6 +16,9 @@ from .illuminant import Illuminant, unit_colour
 from .plane import DichromaticPlane, dichromatic_plane
 from .samples import Mask, block_size, blocks, samples
 
+APART = 40.0  # chi squared of the planes being one and the same, below which they are
+WORST_DEG = 20.0
+
 
 def common_line(
     picture: Floats,
@@ -54,7 +57,10 @@ def _meet(planes: list[DichromaticPlane]) -> Illuminant:
     spread = (axes[:, 1:] / np.maximum(values[1:], 1e-300)) @ axes[:, 1:].T
     off = np.sqrt(((normals @ line) ** 2 / np.maximum(variance, 1e-300)).sum() / max(len(planes) - 2, 1))
     spread = spread * (max(off, 1.0) ** 2 if len(planes) > 2 else 1.0)
-    if np.sqrt(np.trace(spread)) > np.radians(20) or np.any(line < -0.05):
+    apart = sum(
+        float(plane.normal @ axes[:, 1]) ** 2 / float(axes[:, 1] @ plane.covariance @ axes[:, 1]) for plane in planes
+    )
+    if apart < APART or np.sqrt(np.trace(spread)) > np.radians(WORST_DEG) or np.any(line < -0.05):
         raise BadInputError("the bodies' colour planes do not meet in one line; expected bodies of different hue")
     return Illuminant(
         colour=unit_colour(np.maximum(line, 0.0)),

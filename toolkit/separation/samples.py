@@ -146,14 +146,17 @@ def _box(values: Floats, radius: int) -> Floats:
     return np.asarray(cv2.boxFilter(values, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT))
 
 
-def block_size(picture: Samples) -> int:
-    """As small as `MOST_BLOCKS` allows and as large as the noise asks, but never so large as to hide the highlight."""
+def block_size(picture: Samples, louder: float = 1.0) -> int:
+    """As small as `MOST_BLOCKS` allows and as large as the noise asks, but never so large as to hide the highlight.
+
+    `louder` is the noise found over the noise told.
+    """
     full = np.flatnonzero(picture.weight)
     count = len(full)
     some = full[:: max(count // 4096, 1)]
     bright = float(np.quantile(picture.values.reshape(-1, 3)[some].max(axis=1), 0.98))
     variance = picture.variance if picture.variance.ndim == 1 else picture.variance.reshape(-1, 3)[some]
-    noise = float(np.sqrt(variance.mean()))
+    noise = louder * float(np.sqrt(variance.mean()))
     for_time = np.ceil(np.sqrt(count / MOST_BLOCKS))
     for_noise = np.ceil(noise / max(WANTED_NOISE * bright, 1e-300))
     return int(max(for_time, min(for_noise, np.sqrt(count) / FEWEST_ACROSS), 1))
@@ -164,12 +167,12 @@ def blocks(picture: Samples, size: int) -> Blocks:
     weight = picture.weight
     h, w = weight.shape
     y, x = np.arange(h, dtype=float)[:, None], np.arange(w, dtype=float)
-    plain = [_block_sums(each, size) for each in (weight, weight * x, weight * y, weight * weight)]
+    plain = [_block_sums(each, size) for each in (weight, weight * x, weight * y)]
     colour = _block_sums(weight[..., None] * picture.values, size)
     if picture.variance.ndim == 3:
-        variance = _block_sums((weight * weight)[..., None] * picture.variance, size)
+        variance = _block_sums(weight[..., None] * picture.variance, size)  # weight w stands for a variance of v / w
     else:
-        variance = plain[3][:, None] * picture.variance
+        variance = plain[0][:, None] * picture.variance
     held = plain[0] >= 0.25 * size * size
     total = plain[0][held]
     return Blocks(
