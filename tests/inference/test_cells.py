@@ -84,6 +84,36 @@ def test_cells_cost_less_than_a_thirtieth_of_an_sd(roughness: float, monkeypatch
     assert lost < 0.2 * sd
 
 
+def test_a_clipped_highlight_is_told_from_below() -> None:
+    """Clipped samples as lower bounds: the strength of a highlight whose core is lost stays within its error.
+
+    The control: taken at face value, the clipped core costs the strength many sds.
+    """
+    radiance, scene = radiance_of(300, roughness_rad=0.08)
+    white = 0.5
+    image = _clipped(photograph(radiance, seed=2, mosaic=False), white, honest=True)
+    bounded = _fit(image, scene, gather(image, scene))
+    assert bounded.problem.cells.channels[0].censored.sum() > 100
+    assert abs(_strength_z(bounded)) < 4
+    naive = _clipped(image, white, honest=False)
+    assert abs(_strength_z(_fit(naive, scene, gather(naive, scene)))) > 10
+
+
+def _clipped(image: LinearImage, white: float, *, honest: bool) -> LinearImage:
+    planes = tuple(
+        replace(
+            p, values=np.minimum(p.values, np.float32(white)), flags=(honest & (p.values >= white)).astype(np.uint8)
+        )
+        for p in image.planes
+    )
+    return replace(image, planes=planes)
+
+
+def _strength_z(optimum: Optimum) -> float:
+    layout, sd = optimum.problem.layout, np.sqrt(np.diag(inverse(optimum.joint)))[:-1]
+    return float(np.max(np.abs((layout.of("specular_f0", optimum.x) - 0.04) / layout.of("specular_f0", sd))))
+
+
 def _fit(image: LinearImage, scene: Scene, cells: Cells) -> Optimum:
     return fit(pose(Model.named("torrance-sparrow"), scene, cells, image.noise))
 

@@ -59,8 +59,10 @@ def by_block(optimum: Optimum, blocks: NDArray[np.intp]) -> Blocks:
         jacobian = np.column_stack([cols[c].matrix, problem.extras[c], *slopes])
         index = np.concatenate([problem.layout.index[c], np.arange(len(problem.layout.names), size)])
         residual = data.value - predicted[c]
-        order = np.argsort(blocks[data.rows], kind="stable")
-        edges = np.searchsorted(blocks[data.rows][order], np.arange(COUNT + 1))
+        counted = np.flatnonzero(w)
+        mine_in = blocks[data.rows[counted]]
+        order = counted[np.argsort(mine_in, kind="stable")]
+        edges = np.searchsorted(np.sort(mine_in), np.arange(COUNT + 1))
         for b in range(COUNT):
             rows = order[edges[b] : edges[b + 1]]
             weighted = jacobian[rows].T * w[rows]

@@ -12,10 +12,12 @@ Cost: one pass over the samples, whatever the number of lights.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import surface
 from toolkit.records import Floats, LinearImage, Plane, Scene, readonly
 
@@ -37,13 +39,20 @@ class ChannelCells:
     value: Floats  # (n,), mean radiance
     count: Floats  # (n,), samples averaged
     weights: Floats  # (4, n), of the nodes, summing to 1
+    censored: NDArray[np.bool_]  # (n,), clipped: the radiance is at least the value
 
     def __post_init__(self) -> None:
         readonly(self)
 
     def picked(self, there: NDArray[np.bool_], rows: NDArray[np.intp]) -> ChannelCells:
         """Some of the cells, at new places."""
-        return ChannelCells(rows=rows, value=self.value[there], count=self.count[there], weights=self.weights[:, there])
+        return ChannelCells(
+            rows=rows,
+            value=self.value[there],
+            count=self.count[there],
+            weights=self.weights[:, there],
+            censored=self.censored[there],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,6 +93,7 @@ class _Grid:
 
     value: Floats  # (3, h, w)
     bad: NDArray[np.bool_]  # (3, h, w)
+    clipped: NDArray[np.bool_]  # (3, h, w), of the bad ones those that are so only by being clipped
     samples: tuple[int, int, int]  # of each channel in one pixel or quad
     first: tuple[Floats, Floats, Floats]  # per channel, mean place x, y about the centre, and mean of x y
     origin_px: tuple[float, float]
@@ -94,13 +104,14 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     """Gather the usable samples of a photograph of `scene` into cells.
 
     `finest_rad` is the smallest angular scale of a lobe that the cells must resolve. Samples that are flagged, in
-    shadow or at the limb take no part.
+    shadow or at the limb take no part; clipped ones are cells of their own, which only say "at least so much".
     """
     grid = _grid(image.planes)
     levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / grid.step_px, 1.0))), 0)
     sums, spoiled = _pyramid(grid, levels)
+    grid_clipped = _padded(grid.clipped, levels, fill=False)
     open_blocks = np.ones(sums[levels].shape[1:], bool)
-    x, y, size, means, good = [], [], [], [], []
+    x, y, size, means, good, censored = [], [], [], [], [], []
     for level in range(levels, -1, -1):
         row, column = np.nonzero(open_blocks)
         side = 2**level
@@ -113,16 +124,26 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
         y.append(by[keep])
         size.append(np.full(int(keep.sum()), float(side)))
         means.append(sums[level][:, row[keep], column[keep]] / side**2)
-        good.append(~bad[:, keep])
+        bound = grid_clipped[:, row, column] if level == 0 else np.zeros(bad.shape, bool)
+        good.append(~bad[:, keep] | bound[:, keep])
+        censored.append(bound[:, keep])
         if level:
             divide = ~keep & ~hopeless
             open_blocks = np.zeros(open_blocks.shape, bool)
             open_blocks[row[divide], column[divide]] = True
             open_blocks = open_blocks.repeat(2, axis=0).repeat(2, axis=1)
-    return _cells(grid, *(np.concatenate(part, axis=-1) for part in (x, y, size, means, good)))
+    return _cells(grid, *(np.concatenate(part, axis=-1) for part in (x, y, size, means, good, censored)))
 
 
-def _cells(grid: _Grid, x: Floats, y: Floats, size: Floats, means: Floats, good: NDArray[np.bool_]) -> Cells:
+def _cells(
+    grid: _Grid,
+    x: Floats,
+    y: Floats,
+    size: Floats,
+    means: Floats,
+    good: NDArray[np.bool_],
+    censored: NDArray[np.bool_],
+) -> Cells:
     within = ((grid.step_px - 1) / 2) ** 2  # second moment of a channel's samples about the quad's centre
     spread = np.sqrt((grid.step_px**2 * (size**2 - 1) + 1.0) / 12.0 + within)
     channels = []
@@ -132,7 +153,15 @@ def _cells(grid: _Grid, x: Floats, y: Floats, size: Floats, means: Floats, good:
         s = spread[rows]
         weights = 0.25 * (1.0 + SIDE_X * sx / s + SIDE_Y * sy / s + SIDE_X * SIDE_Y * sxy / s**2)
         count = grid.samples[c] * size[rows] ** 2
-        channels.append(ChannelCells(rows=rows, value=means[c, rows].astype(float), count=count, weights=weights))
+        channels.append(
+            ChannelCells(
+                rows=rows,
+                value=means[c, rows].astype(float),
+                count=count,
+                weights=weights,
+                censored=censored[c, rows],
+            )
+        )
     return Cells(x_px=x, y_px=y, spread_px=spread, channels=(channels[0], channels[1], channels[2]))
 
 
@@ -143,19 +172,24 @@ def _grid(planes: tuple[Plane, ...]) -> _Grid:
     step = planes[0].step_px
     corner = np.min([plane.origin_px for plane in planes], axis=0)
     centre = corner + (step - 1) / 2
-    value, bad, samples, first = np.zeros((3, height, width), np.float32), np.zeros((3, height, width), bool), [], []
+    value = np.zeros((3, height, width), np.float32)
+    bad, clipped = np.zeros((3, height, width), bool), np.zeros((3, height, width), bool)
+    invalid, samples, first = np.zeros((3, height, width), bool), [], []
     for c in range(3):
         mine = [plane for plane in planes if plane.channel == c]
         for plane in mine:
-            flagged = plane.flags[:height, :width] != 0
-            value[c] += np.where(flagged, np.float32(0), plane.values[:height, :width]) / np.float32(len(mine))
-            bad[c] |= flagged
+            flags = plane.flags[:height, :width]
+            value[c] += plane.values[:height, :width] / np.float32(len(mine))
+            bad[c] |= flags != 0
+            clipped[c] |= (flags & SampleFlag.CLIPPED) > 0
+            invalid[c] |= (flags & SampleFlag.INVALID) > 0
         x, y = (np.array([plane.origin_px for plane in mine]) - centre).T
         samples.append(len(mine))
         first.append(np.array([x.mean(), y.mean(), (x * y).mean()]))
     return _Grid(
         value=value,
         bad=bad,
+        clipped=clipped & ~invalid,
         samples=(samples[0], samples[1], samples[2]),
         first=(first[0], first[1], first[2]),
         origin_px=(float(centre[0]), float(centre[1])),
@@ -165,11 +199,8 @@ def _grid(planes: tuple[Plane, ...]) -> _Grid:
 
 def _pyramid(grid: _Grid, levels: int) -> tuple[list[Floats], list[NDArray[np.bool_]]]:
     """Sums of 1, 2 x 2, 4 x 4 ... pixels (3, h, w), and whether any of them is flagged; padded by flagged ones."""
-    block = 2**levels
-    height, width = grid.value.shape[1:]
-    pad = ((0, 0), (0, -height % block), (0, -width % block))
-    total: Floats = np.pad(grid.value, pad)
-    bad = np.pad(grid.bad, pad, constant_values=True)
+    total: Floats = _padded(grid.value, levels, fill=0.0)
+    bad = _padded(grid.bad, levels, fill=True)
     sums, spoiled = [total], [bad]
     for _ in range(levels):
         total = total[:, ::2] + total[:, 1::2]
@@ -179,6 +210,12 @@ def _pyramid(grid: _Grid, levels: int) -> tuple[list[Floats], list[NDArray[np.bo
         sums.append(total)
         spoiled.append(bad)
     return sums, spoiled
+
+
+def _padded(table: NDArray[Any], levels: int, *, fill: float) -> NDArray[Any]:
+    """The table (3, h, w) with sides that the coarsest blocks fill."""
+    block, (height, width) = 2**levels, table.shape[1:]
+    return np.pad(table, ((0, 0), (0, -height % block), (0, -width % block)), constant_values=fill)
 
 
 def _allowed_px(

@@ -144,7 +144,7 @@ def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
 
 def minima(problem: Problem) -> list[Optimum]:
     """The distinct optima that a search over the whole box comes to rest at, best first, `MOST_MINIMA` at most."""
-    weights = _weights(problem, tuple(data.value for data in problem.cells.channels))
+    weights = _provisional(problem)
     found = [refine(problem, u, weights) for u in _search(problem)]
     return sorted(found, key=lambda optimum: optimum.chi2)
 
@@ -166,7 +166,7 @@ def _search(problem: Problem) -> list[Floats]:
         return [np.zeros(0)]
     cells = problem.cells.thinned(max(len(problem.cells.x_px) // SEARCH_CELLS, 1))
     few = pose(problem.model, problem.scene, cells, problem.noise)
-    weights = _weights(few, tuple(data.value for data in cells.channels))
+    weights = _provisional(few)
     tried = []
     for u in _grid(problem.model):
         normal = few.assemble(few.columns(u), weights)
@@ -202,10 +202,15 @@ def _shape_sd(joint: Floats, problem: Problem) -> Floats:
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(joint)[problem.layout.size :], 1e-300)))
 
 
+def _provisional(problem: Problem) -> Weighing:
+    """Weights before there is a prediction; clipped cells wait until there is one."""
+    return _weights(problem, tuple(data.value for data in problem.cells.channels))
+
+
 def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
-    """One over the variance of each cell's mean at the predicted radiance."""
+    """One over the variance of each cell's mean at the predicted radiance; none where a clipped one is reached."""
     weights = tuple(
-        data.count / problem.noise.variance(signal, c)
+        np.where(data.censored & (signal >= data.value), 0.0, data.count / problem.noise.variance(signal, c))
         for c, (data, signal) in enumerate(zip(problem.cells.channels, predicted, strict=True))
     )
     return weigh(weights, problem.extras)

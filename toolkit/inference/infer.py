@@ -84,9 +84,9 @@ def misfit(optimum: Optimum) -> tuple[float, float]:
     for w, data, p in zip(optimum.weights.weights, problem.cells.channels, predicted, strict=True):
         residual = data.value - p
         chi2 += float(w @ residual**2)
-        square += float(data.count @ residual**2)
-        signal += float(data.count @ p**2)
-        cells += len(p)
+        square += float((data.count * (w > 0)) @ residual**2)
+        signal += float((data.count * (w > 0)) @ p**2)
+        cells += int(np.count_nonzero(w))
     return chi2 / max(cells - len(optimum.joint), 1), (square / max(signal, 1e-300)) ** 0.5
 
 
