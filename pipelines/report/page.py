@@ -76,8 +76,9 @@ def _figures(report: MaterialReport) -> dict[str, Any]:
     """The pictures, and each figure as ready SVG or None where it cannot be drawn."""
     from .figures.cluster import skewed_t
     from .figures.corner_plot import corner_plot
+    from .figures.highlight import highlight
     from .figures.pictures import pictures
-    from .figures.profile import highlight, whole_ball
+    from .figures.profile import whole_ball
     from .figures.shrink import small
     from .figures.tone import tone_of
     from .rows import ranking

@@ -9,8 +9,10 @@ import pytest
 
 from pipelines.report.figures.cluster import skewed_t
 from pipelines.report.figures.corner_plot import corner_plot
+from pipelines.report.figures.highlight import highlight
 from pipelines.report.figures.pictures import pictures, residual_at_samples, sample_sd
 from pipelines.report.figures.plane import angle_deg, binned, light_line, positions
+from pipelines.report.figures.profile import whole_ball
 from pipelines.report.figures.shrink import shrunk, small
 from pipelines.report.figures.tone import light_colour, tone_of
 from tests.pipelines import fakes
@@ -173,6 +175,22 @@ def test_the_lights_colour_is_taken_from_the_best_that_is_known(report: Material
     np.testing.assert_allclose(light_colour(replace(without, separation=None)), [0.55, 1.0, 0.7])
     image = replace(report.image, metadata=replace(fakes.METADATA, as_shot_neutral=(0.0, 1.0, np.nan)))
     np.testing.assert_array_equal(light_colour(replace(without, separation=None, image=image)), np.ones(3))
+
+
+def test_a_highlight_beyond_the_white_level_is_called_so(report: MaterialReport) -> None:
+    """The figures say where samples clip; below the white level they say nothing of it."""
+    dim = replace(report, image=replace(report.image, white=0.5))
+    for draw in (whole_ball, lambda one: highlight(one, (0, 1, 2, 3, 4))):
+        assert "samples clip at 0.5; the fit peaks at 0.89" in draw(dim)
+        assert "samples clip" not in draw(report)
+
+
+def test_a_ball_without_a_usable_sample_still_has_its_figures(report: MaterialReport) -> None:
+    """All flagged: curves without points, and no warning."""
+    planes = tuple(replace(plane, flags=np.full_like(plane.flags, 1)) for plane in report.image.planes)
+    blind = replace(report, image=replace(report.image, planes=planes))
+    assert whole_ball(blind).startswith("<svg")
+    assert highlight(blind, (0, 1)).startswith("<svg")
 
 
 def test_a_grey_body_still_has_a_figure_of_its_cluster(report: MaterialReport, layers: ModelLayers) -> None:
