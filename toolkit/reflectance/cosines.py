@@ -30,22 +30,38 @@ class Cosines:
     @classmethod
     def of(cls, normal: Floats, light: Floats, view: Floats, *, source_radius_rad: float = 0.0) -> Cosines:
         """From unit vectors (..., 3) that broadcast against each other."""
-        half = light + view
-        half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
-
-        def dot(a: Floats, b: Floats) -> Floats:
-            return np.asarray(np.einsum("...i,...i->...", a, b))
-
-        nl, nv, lv = dot(normal, light), dot(normal, view), dot(light, view)
-        cross = np.cross(normal, half)
-        shape = np.broadcast_shapes(nl.shape, nv.shape, lv.shape)
+        n_l, n_v, l_v = _dot(normal, light), _dot(normal, view), _dot(light, view)
+        n, both = _parts(normal), [a + b for a, b in zip(_parts(light), _parts(view), strict=True)]  # 2 cos(theta_d) h
+        length2 = np.maximum(_sum_of_squares(*both), 1e-24)
+        length = np.sqrt(length2)
+        across = _sum_of_squares(
+            n[1] * both[2] - n[2] * both[1], n[2] * both[0] - n[0] * both[2], n[0] * both[1] - n[1] * both[0]
+        )
+        shape = np.broadcast_shapes(n_l.shape, n_v.shape, l_v.shape)
         return cls(
-            n_dot_l=np.maximum(np.broadcast_to(nl, shape), 0.0),
-            n_dot_v=np.maximum(np.broadcast_to(nv, shape), 0.0),
-            l_dot_v=np.broadcast_to(lv, shape),
-            n_dot_h=np.broadcast_to(dot(normal, half), shape),
-            l_dot_h=np.broadcast_to(dot(light, half), shape),
-            sin2_h=np.broadcast_to(dot(cross, cross), shape),
-            r_dot_v=np.broadcast_to(2 * nl * nv - lv, shape),
+            n_dot_l=np.maximum(np.broadcast_to(n_l, shape), 0.0),
+            n_dot_v=np.maximum(np.broadcast_to(n_v, shape), 0.0),
+            l_dot_v=np.broadcast_to(l_v, shape),
+            n_dot_h=np.broadcast_to((n_l + n_v) / length, shape),
+            l_dot_h=np.broadcast_to(0.5 * length, shape),
+            sin2_h=np.broadcast_to(across / length2, shape),
+            r_dot_v=np.broadcast_to(2 * n_l * n_v - l_v, shape),
             source_radius_rad=source_radius_rad,
         )
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Scalar products along the last axis; a single vector goes through the faster matrix product."""
+    if b.ndim == 1:
+        return np.asarray(a @ b)
+    if a.ndim == 1:
+        return np.asarray(b @ a)
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def _parts(vectors: Floats) -> tuple[Floats, Floats, Floats]:
+    return vectors[..., 0], vectors[..., 1], vectors[..., 2]
+
+
+def _sum_of_squares(x: Floats, y: Floats, z: Floats) -> Floats:
+    return np.asarray(x * x + y * y + z * z)

@@ -51,7 +51,12 @@ def _cotangent(cosine: Floats) -> Floats:
 
 def ggx_one_sided(cosine: Floats, alpha: Number) -> Floats:
     """Smith's exact G1 of GGX (Walter et al. 2007, equation 34)."""
-    return np.asarray(2.0 * cosine / np.maximum(cosine + _ggx_root(cosine, alpha), _TINY))
+    return np.asarray(2.0 * cosine / ggx_denominator(cosine, alpha))
+
+
+def ggx_denominator(cosine: Floats, alpha: Number) -> Floats:
+    """2 cos / G1 of GGX."""
+    return np.asarray(cosine + _ggx_root(cosine, alpha))
 
 
 def ggx_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
