@@ -68,7 +68,7 @@ def material_of(report: MaterialReport) -> Material:
         model=fit.model,
         diffuse_model=fit.diffuse,
         diffuse=diffuse,
-        diffuse_roughness_rad=float(fit.shape.get("diffuse_roughness_rad", 0.0)),
+        diffuse_roughness_rad=fit.shape["diffuse_roughness_rad"] if fit.diffuse == "oren-nayar" else 0.0,
         f0=f0,
         beckmann=near["beckmann"],
         ggx=near["ggx"],

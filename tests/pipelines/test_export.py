@@ -20,6 +20,7 @@ from tests.pipelines import fakes
 from toolkit.errors import UsageError
 from toolkit.inference.layers import predict
 from toolkit.records import Estimate, Fit, MaterialReport, Metadata
+from toolkit.reflectance import LOBES
 
 
 @pytest.fixture(scope="module")
@@ -246,3 +247,23 @@ def test_phongs_peak_becomes_a_reflectance(report: MaterialReport) -> None:
     assert gain == material.beckmann.gain
     assert gain != 1.0
     assert fit.model in "".join(material.notes)
+
+
+SPECULAR = [lobe.name for lobe in LOBES.values() if lobe.kind == "specular"]
+
+
+@pytest.mark.parametrize("model", SPECULAR)
+def test_every_registered_lobe_has_an_equivalent_and_every_format_takes_it(report: MaterialReport, model: str) -> None:
+    """A new lobe is exported by its registration alone: a width within the box, finite colours, all files."""
+    lobe = LOBES[model]
+    fit = replace(
+        report.fits[0 if lobe.fresnel else 1],
+        model=model,
+        variant=lobe.complete({}),
+        shape={p.name: p.starts[len(p.starts) // 2] for p in lobe.parameters},
+    )
+    material = material_of(replace(report, fits=(fit,), best=0))
+    assert 1e-3 <= material.nearest.alpha <= 1.0
+    assert np.isfinite(material.f0).all()
+    for one in EXPORTERS.values():
+        assert "nan" not in one.text(material)
