@@ -4,7 +4,7 @@ python -m tests.benchmarks.lobes     prints a table; `make bench` calls `main()`
 
 Array in, values out: ours by `Cosines.of` and `Lobe.value`, Mitsuba's by the plain loop over the array's rows, a vector
 and a `bsdf.eval` each, on a part of them and scaled up. Beside it the strictest comparison: the lobe alone with the
-cosines made beforehand, and the `eval` calls alone with Mitsuba's vectors made beforehand, no conversion on either side.
+cosines made beforehand, and the `eval` calls alone with Mitsuba's vectors made beforehand, nothing to convert.
 Most of Mitsuba's time in the first is conversion: read both.
 """
 
