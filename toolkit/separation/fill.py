@@ -21,8 +21,8 @@ STEADY = 1.0  # a window's variance over that of a single pixel, beyond which it
 
 def fill(picture: Samples, layers: Layers, body: Floats, light: Floats) -> Layers:
     """The layers with clipped pixels completed; unchanged where all channels are usable."""
-    seen = picture.usable.sum(axis=2)
-    holes = picture.on_sphere & (seen < 3)
+    whole = picture.usable[..., 0] & picture.usable[..., 1] & picture.usable[..., 2]
+    holes = picture.on_sphere & ~whole
     if not holes.any():
         return layers
     box = _around(holes)

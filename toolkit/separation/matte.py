@@ -63,7 +63,7 @@ def _below(z: Floats) -> Floats:
 CENTRES, DENSITY, SLOPE = _bins()
 
 
-def weights(counts: Floats, start: Floats, rounds: int = 8) -> Floats:
+def weights(counts: Floats, start: Floats, rounds: int = 4) -> Floats:
     """Weights (components,) of the mixture by expectation-maximisation from counts (bins,)."""
     share = start
     stray = STRAY / (HIGH - LOW)
@@ -182,7 +182,7 @@ def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 30) -> _
         information = each * float(pull @ pull)
         step = float(pull @ psi) / max(information, 1e-300)
         slope += step
-        if step * step * information < 1e-5:
+        if step * step * information < 1e-4:
             break
     scatter = float(np.median(np.abs(z[np.abs(z) < 3])) * np.median(sd))
     return _Level(slope=slope, share=share, information=information, scatter=scatter)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,12 +54,16 @@ def project(
     shared = colour_share(body, light, variance, body_covariance, light_covariance)
     diffuse, specular, covariance = np.empty((3, len(values), 3), np.float32)
     residual = np.empty(len(values), np.float32)
+    even = len(variance) == 1 and float(body @ light) < 1 - 1e-12
     for start in range(0, len(values), CHUNK):
         rows = slice(start, start + CHUNK)
         noise = variance if len(variance) == 1 else variance[rows]
-        a, s, covariance[rows], residual[rows] = _rows(values[rows], usable[rows], noise, body, light, shared)
-        np.multiply(a[:, None], body, out=diffuse[rows])
-        np.multiply(s[:, None], light, out=specular[rows])
+        solve = _alike if even and _all_or_none(usable[rows]) else _rows
+        a, s, spread, residual[rows] = solve(values[rows], usable[rows], noise, body, light)
+        for c in range(3):  # channel by channel: numpy is slow along a last axis of three
+            np.multiply(a, body[c], out=diffuse[rows, c], casting="same_kind")
+            np.multiply(s, light[c], out=specular[rows, c], casting="same_kind")
+            covariance[rows, c] = spread[c] + a * a * shared[0, c] + s * s * shared[1, c]
     return Layers(
         diffuse=diffuse.reshape(*shape, 3),
         specular=specular.reshape(*shape, 3),
@@ -73,25 +79,47 @@ def unknown(picture: Samples) -> Layers:
     return Layers(diffuse=nothing, specular=nothing, covariance=spread, residual=nothing[..., 0])
 
 
+def _all_or_none(usable: Mask) -> bool:
+    """Whether no pixel lacks some of its channels but not all."""
+    red = usable[:, 0]
+    return bool(np.array_equal(red, usable[:, 1]) and np.array_equal(red, usable[:, 2]))
+
+
+def _alike(
+    values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats
+) -> tuple[Floats, Floats, Sequence[Any], Floats]:
+    """Pixels of one variance with all channels, or none: one pseudo-inverse for all."""
+    weighted = np.stack([body, light]) / variance
+    inverse = np.linalg.inv(weighted @ np.stack([body, light], axis=1))
+    a, s, residual = np.vstack([inverse @ weighted, _across(body, light)]) @ values.T
+    missing = ~usable[:, 0]
+    if missing.any():
+        for each in (a, s, residual):
+            each[missing] = np.nan
+    return a, s, (inverse[0, 0], inverse[0, 1], inverse[1, 1]), residual
+
+
 def _rows(
-    values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats, shared: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Two normal equations a pixel, solved in closed form."""
+    values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats
+) -> tuple[Floats, Floats, Sequence[Any], Floats]:
+    """Two normal equations a pixel, solved in closed form: a, s, their (var, cov, var), the residual."""
     weight = usable / variance
     bb, bl, ll = np.stack([body * body, body * light, light * light]) @ weight.T
     b, l = np.stack([body, light]) @ (weight * values).T  # noqa: E741  # beside bb, bl, ll the clearest name
     seen = usable[:, 0].astype(np.intp) + usable[:, 1] + usable[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / (bb * ll - bl * bl)
-        inverse[(seen < 2) | ~np.isfinite(inverse)] = np.nan
-        a, s = (ll * b - bl * l) * inverse, (bb * l - bl * b) * inverse
-        covariance = np.stack([a * a, s * s], axis=1) @ shared
-        for entry, part in enumerate((ll, -bl, bb)):
-            covariance[:, entry] += part * inverse
-    across = np.cross(body, light)
-    residual = values @ (across / max(float(np.linalg.norm(across)), 1e-300))
+    independent = bb * ll - bl * bl
+    sound = (seen >= 2) & (independent > 1e-14 * bb * ll)  # below it rounding decides
+    inverse = np.where(sound, 1.0, np.nan) / np.where(sound, independent, 1.0)
+    bb, bl, ll = bb * inverse, bl * inverse, ll * inverse
+    residual = values @ _across(body, light)
     residual[seen < 3] = np.nan
-    return a, s, covariance, residual
+    return ll * b - bl * l, bb * l - bl * b, (ll, -bl, bb), residual
+
+
+def _across(body: Floats, light: Floats) -> Floats:
+    """Unit normal (3,) of the plane of the two colours."""
+    normal = np.cross(body, light)
+    return np.asarray(normal / max(float(np.linalg.norm(normal)), 1e-300))
 
 
 def colour_share(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:
