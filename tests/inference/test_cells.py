@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from toolkit.flags import SampleFlag
 from toolkit.inference import cells as module
 from toolkit.inference.cells import Cells, gather
 from toolkit.inference.fit import Optimum, fit, pose
@@ -123,6 +124,10 @@ def _spoil(image: LinearImage) -> LinearImage:
 
     def spoil(plane: Plane) -> Plane:
         bad = rng.random(plane.values.shape) < 0.01
-        return replace(plane, values=np.where(bad, np.float32(1e6), plane.values), flags=bad.astype(np.uint8))
+        return replace(
+            plane,
+            values=np.where(bad, np.float32(1e6), plane.values),
+            flags=np.where(bad, SampleFlag.INVALID, 0).astype(np.uint8),
+        )
 
     return replace(image, planes=tuple(spoil(plane) for plane in image.planes))

@@ -28,6 +28,19 @@ def test_the_true_lobe_is_preferred(truth: str) -> None:
     assert lead[0] > 2 * lead[1]
 
 
+def test_a_number_that_earns_nothing_is_not_preferred() -> None:
+    """Oren-Nayar's body at no roughness is Lambert's: Lambert's is the best, and preferred."""
+    radiance, scene = radiance_of(240)
+    image = photograph(radiance, seed=6)
+    cells = gather_for(image, scene)
+    fits = tuple(
+        infer(image, scene, cells, Model.named(name, body), seed=1)
+        for name, body in (("torrance-sparrow", "oren-nayar"), ("torrance-sparrow", "lambert"), ("phong", "lambert"))
+    )
+    best, preferred, _ = rank(fits)
+    assert best == preferred == 1
+
+
 def test_twins_are_not_decided() -> None:
     """A model compared with itself is not preferred."""
     radiance, scene = radiance_of(240)

@@ -63,6 +63,6 @@ def test_a_photograph_and_its_mosaic_are_one_material(tmp_path: Path) -> None:
     of_png = fit_material(photograph(index), settings_of(index, fit=only)).fits[0]
     of_dng = fit_material(path, settings_of(index, fit=only)).fits[0]
     for a, b in zip(of_png.parameters, of_dng.parameters, strict=True):
-        if a.name != "pedestal":
+        if a.name not in ("pedestal", "specular_f0"):  # F0 is not told by one light of unknown strength
             apart = np.abs(np.asarray(a.estimate) - np.asarray(b.estimate))
             assert np.all(apart < 2 * np.hypot(a.sd, b.sd)), a.name

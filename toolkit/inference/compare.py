@@ -45,9 +45,18 @@ def difference(a: Fit, b: Fit) -> tuple[float, float]:
 
 
 def rank(fits: tuple[Fit, ...]) -> tuple[int, int | None, tuple[float, float] | None]:
-    """The best fit, the preferred one (None where the data do not decide), and the best one's lead with its sd."""
+    """The best fit, the preferred one (None where the data do not decide), and the best one's lead with its sd.
+
+    Of the fits whose prediction is not decidedly worse than the best prediction, the one with the fewest shape
+    numbers is the best: what an extra number does not earn it does not get. It is preferred where all others among
+    them only extend it by another diffuse lobe.
+    """
     order = sorted(range(len(fits)), key=lambda i: -fits[i].elpd)
-    if len(fits) == 1:
-        return 0, 0, None
-    lead = difference(fits[order[0]], fits[order[1]])
-    return order[0], order[0] if lead[0] > DECIDED_SD * lead[1] else None, lead
+    leads = {i: difference(fits[order[0]], fits[i]) for i in order[1:]}
+    rivals = [order[0], *(i for i, (lead, sd) in leads.items() if lead <= DECIDED_SD * sd)]
+    best = min(rivals, key=lambda i: (len(fits[i].shape), -fits[i].elpd))
+    extensions = all(
+        fits[i].model == fits[best].model and len(fits[i].shape) > len(fits[best].shape) for i in rivals if i != best
+    )
+    others = [i for i in order if i not in rivals] or [i for i in order if i != best]
+    return best, best if extensions else None, difference(fits[best], fits[others[0]]) if others else None
