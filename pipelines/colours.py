@@ -60,7 +60,17 @@ def usable_samples(image: LinearImage) -> NDArray[np.bool_]:
 
 
 def layers_of_fit(image: LinearImage, picture: Quads, fit: Fit) -> ModelLayers:
-    """The fit's own layers on the same grid."""
+    """The fit's own layers on the same grid, each channel where its samples lie."""
     from toolkit.inference.layers import layers_of
 
-    return layers_of(fit, picture.values, usable_samples(image), origin_px=picture.origin_px, step_px=picture.step_px)
+    places = np.array(
+        [np.mean([p.origin_px for p in image.planes if p.channel == channel], axis=0) for channel in range(3)]
+    )
+    return layers_of(
+        fit,
+        picture.values,
+        usable_samples(image),
+        origin_px=picture.origin_px,
+        step_px=picture.step_px,
+        places_px=places - picture.origin_px,
+    )

@@ -64,9 +64,18 @@ def specular_colour(fit: Fit, lit: Lit) -> Floats:
 
 
 def layers_of(
-    fit: Fit, picture: Floats, used: NDArray[np.bool_], *, origin_px: tuple[float, float], step_px: int
+    fit: Fit,
+    picture: Floats,
+    used: NDArray[np.bool_],
+    *,
+    origin_px: tuple[float, float],
+    step_px: int,
+    places_px: Floats | None = None,
 ) -> ModelLayers:
-    """The fit's layers over a picture (h, w, 3) placed as in `Plane`; NaN off the sphere."""
+    """The fit's layers over a picture (h, w, 3) placed as in `Plane`; NaN off the sphere.
+
+    `places_px` (3, 2) is where each channel's samples lie about a pixel's own place: a mosaic's in its quad.
+    """
     height, width = picture.shape[:2]
     row, column = np.mgrid[:height, :width].reshape(2, -1)
     x, y = origin_px[0] + step_px * column, origin_px[1] + step_px * row
@@ -76,17 +85,31 @@ def layers_of(
     def image(values: Floats) -> Floats:
         full = np.full((height * width, 3), np.nan, np.float32)
         full[on_sphere] = values
-        return full.reshape(height, width, 3)
+        layer = full.reshape(height, width, 3)
+        return layer if places_px is None else _at_places(layer, places_px / step_px)
 
-    model = image(there.model)
+    photograph = np.asarray(picture, np.float32)
+    diffuse, specular = image(there.diffuse), image(there.specular)
+    model = diffuse + specular + np.asarray(there.pedestal, np.float32)
     return ModelLayers(
-        photograph=np.asarray(picture, np.float32),
-        diffuse=image(there.diffuse),
-        specular=image(there.specular),
+        photograph=photograph,
+        diffuse=diffuse,
+        specular=specular,
         model=model,
-        residual=np.asarray(picture, np.float32) - model,
+        residual=photograph - model,
         used=used & on_sphere.reshape(height, width, 1),
         pedestal=np.array(there.pedestal),
         origin_px=origin_px,
         step_px=step_px,
     )
+
+
+def _at_places(layer: Floats, places: Floats) -> Floats:
+    """The layer (h, w, 3) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
+    moved = layer.copy()
+    for channel, (dx, dy) in enumerate(places):
+        if dx or dy:
+            down, right = np.gradient(layer[..., channel])
+            aside = layer[..., channel] + np.float32(dx) * right + np.float32(dy) * down
+            moved[..., channel] = np.where(np.isnan(aside), layer[..., channel], np.maximum(aside, 0))
+    return moved

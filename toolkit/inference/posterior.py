@@ -14,11 +14,11 @@ from .fit import Optimum
 from .normal import inverse
 from .surrogate import Surrogate, surrogate_of
 
-WALKERS = 64
+WALKERS = 128
 CHAINS = 4  # groups of walkers, as the draws are stored
 LENGTHS = 50  # autocorrelation times that a chain must last
 MOST_STEPS = 20_000
-BLOCK = 100  # steps between two looks at the chain
+BLOCK = 50  # steps between two looks at the chain
 
 Progress = Callable[[str, float], None]
 
