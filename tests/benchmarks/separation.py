@@ -233,6 +233,15 @@ def table(rows: list[dict], names: list[str]) -> str:
     return "\n".join(lines)
 
 
+def _plain(value: object) -> object:
+    """The same with None for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
 def main(arguments: list[str]) -> int:
     """Run, print, write; 1 where a target is missed."""
     methods: dict[str, Method] = {"do nothing": do_nothing}
@@ -256,8 +265,8 @@ def main(arguments: list[str]) -> int:
             f"{'met ' if each['met'] else 'MISSED'}  {each['what']}: {each['found']:.4g}, {each['asked']}\n"
         )
     out = Path("build/bench-separation.json")
-    out.parent.mkdir(exist_ok=True)
-    out.write_text(json.dumps({"targets": asked, "seconds": times, "light": light, "rows": rows}, indent=1))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(_plain({"targets": asked, "seconds": times, "light": light, "rows": rows}), indent=1))
     return 0 if all(each["met"] for each in asked) else 1
 
 

@@ -4,6 +4,16 @@ from .card import grey_card
 from .dichromatic import separate
 from .illuminant import Illuminant, best_illuminant, illuminant
 from .planes import common_line
+from .polarised import separate_polarised
 from .pooling import pool
 
-__all__ = ["Illuminant", "best_illuminant", "common_line", "grey_card", "illuminant", "pool", "separate"]
+__all__ = [
+    "Illuminant",
+    "best_illuminant",
+    "common_line",
+    "grey_card",
+    "illuminant",
+    "pool",
+    "separate",
+    "separate_polarised",
+]

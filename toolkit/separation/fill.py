@@ -58,10 +58,11 @@ def _hole_rows(
     bl, ll = weight @ (body * light), weight @ (light * light)
     b = (weight * values) @ body + prior * np.where(prior > 0, a0, 0.0)
     right = (weight * values) @ light
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1 / (bb * ll - bl * bl)
-        a, s = (ll * b - bl * right) * inverse, (bb * right - bl * b) * inverse
-        spread = np.stack([ll * inverse, -bl * inverse, bb * inverse], axis=1)
+    independent = bb * ll - bl * bl
+    sound = independent > 1e-14 * bb * ll
+    inverse = np.where(sound, 1.0, np.nan) / np.where(sound, independent, 1.0)
+    a, s = (ll * b - bl * right) * inverse, (bb * right - bl * b) * inverse
+    spread = np.stack([ll * inverse, -bl * inverse, bb * inverse], axis=1)
     blind = ~usable.any(axis=1)
     least = np.max((values[blind] - a0[blind, None] * body) / np.maximum(light, 1e-6), axis=1)
     a[blind], s[blind] = a0[blind], np.maximum(least, 0.0)
