@@ -2,59 +2,109 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.records import Fit, LinearImage, Scene
-from toolkit.reflectance import LOBES
 
 from .clock import Progress
 from .settings import Settings, model_and_variant
 
 FEWEST_CELLS = 60  # per channel: fewer lit, unclipped cells cannot hold a fit
-OTHER_DIFFUSE = ("oren-nayar", "wolff")  # tried with the best specular lobe where nothing was asked for
+OTHER_BODIES = ("oren-nayar", "wolff")  # tried with the best model unasked; costlier ones wait for `--diffuse`
+Pair = tuple[str, str]  # a specular model with its variant, a diffuse lobe
+Job = Callable[[Pair], Fit]
 
 
 def fit_models(image: LinearImage, scene: Scene, settings: Settings, progress: Progress | None) -> tuple[Fit, ...]:
-    """One fit for every specular and diffuse lobe asked for; raises BadInputError where too little is lit."""
-    cells = usable_cells(image, scene)
-    bodies = settings.fit.diffuse or ("lambert",)
-    fits: list[Fit] = []
+    """One fit for every specular and diffuse lobe asked for; raises BadInputError where too little is lit.
 
-    def fit(model: str, diffuse: str, done: float) -> Fit:
-        name, variant = model_and_variant(model)
-        label = f"fit {name} over {diffuse}"
-        if progress is not None:
-            progress(label, done)
+    Without a diffuse lobe asked for, every model is fitted over Lambert, then the best of them over OTHER_BODIES.
+    """
+    from threadpoolctl import threadpool_limits
+
+    cells = usable_cells(image, scene)
+
+    def fit(pair: Pair) -> Fit:
+        name, variant = model_and_variant(pair[0])
         return infer(
             image,
             scene,
             cells,
-            Model.named(name, diffuse, variant, neutral=settings.fit.specular == "neutral"),
+            Model.named(name, pair[1], variant, neutral=settings.fit.specular == "neutral"),
             seed=settings.fit.seed,
             fixed=settings.fit.fix,
             discrepancy=settings.fit.discrepancy == "on",
             effective=settings.fit.ess,
         )
 
-    wanted = [(model, body) for body in bodies for model in settings.fit.models]
-    further = [] if settings.fit.diffuse else [body for body in OTHER_DIFFUSE if body in LOBES]
-    for model, body in wanted:
-        fits.append(fit(model, body, len(fits) / (len(wanted) + len(further))))
-    best = max(range(len(fits)), key=lambda i: fits[i].elpd)
-    for body in further:
-        fits.append(fit(wanted[best][0], body, len(fits) / (len(wanted) + len(further))))
-    return tuple(fits)
+    wanted = [(model, body) for body in settings.fit.diffuse or ("lambert",) for model in settings.fit.models]
+    others = () if settings.fit.diffuse else OTHER_BODIES
+    tell = _teller(progress, len(wanted) + len(others))
+    with threadpool_limits(1):  # one thread for each of the small products: faster, and the same sums on every machine
+        fits = _all(fit, wanted, tell)
+        best = max(range(len(fits)), key=lambda i: fits[i].elpd)
+        return tuple(fits + _all(fit, [(wanted[best][0], body) for body in others], tell))
+
+
+def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
+    done = 0
+
+    def tell(pair: Pair) -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(f"fitted {pair[0]} over {pair[1]}", done / total)
+
+    return tell
+
+
+_job: Job | None = None  # what the children of a fork find where the parent left it
+
+
+def _run(pair: Pair) -> Fit:
+    if _job is None:
+        raise RuntimeError("a worker was started without its job")
+    return _job(pair)
+
+
+def _all(fit: Job, pairs: Sequence[Pair], tell: Callable[[Pair], None]) -> list[Fit]:
+    """All fits in order: side by side in forks of this process where it may have children, else one by one."""
+    global _job  # a fork inherits it, with the photograph, at no cost
+    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, len(pairs))
+    fits: list[Fit] = []
+    if workers < 2 or multiprocessing.current_process().daemon or os.environ.get(ALONE):
+        for pair in pairs:
+            fits.append(fit(pair))
+            tell(pair)
+        return fits
+    _job = fit
+    try:
+        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
+            for pair, found in zip(pairs, pool.map(_run, pairs), strict=True):
+                fits.append(found)
+                tell(pair)
+    finally:
+        _job = None
+    return fits
+
+
+ALONE = "FIT_MATERIAL_ONE_PROCESS"  # set where the cores are busy with other photographs
 
 
 def usable_cells(image: LinearImage, scene: Scene) -> Cells:
     """The cells of a photograph; raises BadInputError where too few samples are lit and unclipped."""
     cells = gather_for(image, scene)
-    fewest = min(len(data.rows) for data in cells.channels)
+    fewest = min(int((~data.censored).sum()) for data in cells.channels)
     if fewest >= FEWEST_CELLS:
         return cells
-    if all_flagged(image):
+    if mostly_flagged(image):
         raise BadInputError(
             f"{image.name}: almost every sample of the sphere is clipped; expected an exposure that keeps "
             "most of the sphere below white: shorten the exposure"
@@ -65,7 +115,7 @@ def usable_cells(image: LinearImage, scene: Scene) -> Cells:
     )
 
 
-def all_flagged(image: LinearImage) -> bool:
-    """Whether more than nine samples in ten are flagged."""
+def mostly_flagged(image: LinearImage) -> bool:
+    """Whether more than six in ten samples of the sphere's box are flagged."""
     total = sum(plane.flags.size for plane in image.planes)
     return sum(int((plane.flags != 0).sum()) for plane in image.planes) > 0.6 * total

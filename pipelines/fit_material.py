@@ -10,7 +10,7 @@ from pathlib import Path
 
 from toolkit.records import MaterialReport
 
-from .clock import Clock, Progress
+from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
 
 
@@ -20,8 +20,12 @@ def fit_material(path: Path, settings: Settings, *, progress: Progress | None = 
     `progress(stage, fraction)` is told of each stage as it begins. Raises BadInputError for a file or a scene that
     cannot be used, UsageError for settings that make no sense.
     """
-    from toolkit.inference.compare import rank
     from toolkit.io.read import read
+
+    clock = Clock(progress)
+    with clock.stage("read"), imported_meanwhile("pipelines.candidates", "emcee", "toolkit.separation"):
+        frame = read(path)
+    from toolkit.inference.compare import rank
     from toolkit.radiometry.quads import quads
 
     from .candidates import fit_models
@@ -29,9 +33,6 @@ def fit_material(path: Path, settings: Settings, *, progress: Progress | None = 
     from .locate import locate
     from .quality import quality_flags
 
-    clock = Clock(progress)
-    with clock.stage("read"):
-        frame = read(path)
     with clock.stage("locate"):
         image, scene, found = locate(frame, settings)
         picture = quads(image)

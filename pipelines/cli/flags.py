@@ -89,7 +89,7 @@ class FitFlags:
         Parameter(
             group=FIT,
             metavar="NAME",
-            help="Diffuse lobe; repeatable. [default: lambert, and the best model over every other as well]",
+            help="Diffuse lobe; repeatable. [default: lambert, and the best model over oren-nayar and wolff as well]",
         ),
     ] = ()
     specular: Annotated[
