@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench validate lock clean
+.PHONY: help demo test lint bench bench-separation validate lock clean
 
 help:            ## what can be made
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -32,6 +32,9 @@ lint: $(READY)   ## style, types, import rules
 
 bench: $(READY)  ## speed, as ratios measured in one run
 	$(BIN)/python -m tests.benchmarks
+
+bench-separation: $(READY)  ## separation by colour beside its rivals and its limit
+	$(BIN)/python -m tests.benchmarks.separation
 
 validate: $(READY)  ## the slow statistical tests
 	$(BIN)/python -m pytest -m slow
