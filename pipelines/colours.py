@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.flags import SampleFlag
-from toolkit.geometry.sphere import surface
+from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import Quads
 from toolkit.records import ColourLayers, Fit, Floats, LinearImage, ModelLayers, Scene
 
@@ -20,12 +20,14 @@ def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings:
     from toolkit.separation import separate
 
     colour, source = _light_colour(scene, settings)
+    row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
+    (x0, y0), step = picture.origin_px, picture.step_px
     return separate(
         picture.values,
         variance=image.noise,
         usable=usable_samples(image),
         bloom=(picture.flags & SampleFlag.BLOOM) > 0,
-        on_sphere=on_sphere(scene, picture),
+        on_sphere=on_sphere(scene.camera, scene.sphere, x0 + step * column, y0 + step * row),
         light_colour=colour,
         light_source=source,
         origin_px=picture.origin_px,
@@ -39,14 +41,6 @@ def _light_colour(scene: Scene, settings: Settings) -> tuple[Floats, str]:
     if scene.scale == "absolute":
         return np.array(scene.lights[0].irradiance), "irradiance"
     return np.ones(3), "assumed white"
-
-
-def on_sphere(scene: Scene, picture: Quads) -> NDArray[np.bool_]:
-    """Which pixels of a picture lie on the sphere (h, w)."""
-    shape = picture.values.shape[:2]
-    row, column = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
-    (x0, y0), step = picture.origin_px, picture.step_px
-    return surface(scene.camera, scene.sphere, x0 + step * column, y0 + step * row).on_sphere.reshape(shape)
 
 
 def usable_samples(image: LinearImage) -> NDArray[np.bool_]:

@@ -23,21 +23,24 @@ def fit_material(path: Path, settings: Settings, *, progress: Progress | None = 
     from toolkit.io.read import read
 
     clock = Clock(progress)
-    with clock.stage("read"), imported_meanwhile("pipelines.candidates", "emcee", "toolkit.separation"):
-        frame = read(path)
+    with imported_meanwhile("pipelines.candidates", "emcee"):
+        with clock.stage("read"):
+            frame = read(path)
+        from toolkit.radiometry.quads import quads
+
+        from .colours import layers_of_fit, separate_colours
+        from .locate import locate
+        from .quality import quality_flags
+
+        with clock.stage("locate"):
+            image, scene, found = locate(frame, settings)
+            picture = quads(image)
+        with clock.stage("separate"):
+            separation = separate_colours(image, picture, scene, settings)
     from toolkit.inference.compare import rank
-    from toolkit.radiometry.quads import quads
 
     from .candidates import fit_models
-    from .colours import layers_of_fit, separate_colours
-    from .locate import locate
-    from .quality import quality_flags
 
-    with clock.stage("locate"):
-        image, scene, found = locate(frame, settings)
-        picture = quads(image)
-    with clock.stage("separate"):
-        separation = separate_colours(image, picture, scene, settings)
     with clock.stage("fit"):
         fits = fit_models(image, scene, settings, progress)
         best, preferred, lead = rank(fits)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Camera, Floats, Scene, Sphere, readonly
 
@@ -15,7 +16,7 @@ class Surface:
 
     normal: Floats  # (N, 3) unit; also the position in sphere radii from the centre
     view: Floats  # (N, 3) unit, towards the camera
-    on_sphere: np.ndarray  # (N,) bool
+    on_sphere: NDArray[np.bool_]  # (N,)
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -27,6 +28,15 @@ def surface(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Surfa
     if camera.projection == "orthographic":
         return _orthographic(sphere, x, y)
     return _perspective(camera, sphere, x, y)
+
+
+def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDArray[np.bool_]:
+    """Which pixel coordinates, arrays that broadcast, see the sphere: what `surface` says, without the vectors."""
+    if camera.projection == "perspective":
+        x, y = np.broadcast_arrays(x_px, y_px)
+        return surface(camera, sphere, x, y).on_sphere
+    squared = ((x_px - sphere.centre_px[0]) / sphere.radius_px) ** 2
+    return np.asarray(squared + ((y_px - sphere.centre_px[1]) / sphere.radius_px) ** 2 < 1.0)
 
 
 def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:

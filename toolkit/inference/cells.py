@@ -1,7 +1,7 @@
 """From a million samples to some ten thousand cells: the data that every fit works on.
 
 A cell is a square block of samples, small against everything that a lobe does there: no wider than `SMOOTH_RAD`
-anywhere, and near a highlight no wider than a tenth of the angle to its centre. Its value is the plain mean of its
+anywhere, and near a highlight no wider than an eighth of the angle to its centre. Its value is the plain mean of its
 samples, so nothing of it depends on a model or on weights. A model predicts that mean as a weighted mean over four
 nodes, which share the samples' first and second moments (their places and the pixel's own box; Gauss's two-point rule
 along each axis). Averaging adds no bias that matters, and loses only the little information that varied inside a cell.
@@ -21,8 +21,8 @@ from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import surface
 from toolkit.records import Floats, LinearImage, Plane, Scene, readonly
 
-SMOOTH_RAD = 0.06  # widest cell, as the angle its normals span
-SHARPNESS = 1 / 10  # width of a cell over the angle to the highlight's centre
+SMOOTH_RAD = 0.08  # widest cell, as the angle its normals span
+SHARPNESS = 1 / 8  # width of a cell over the angle to the highlight's centre
 MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncertain to be of use
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline

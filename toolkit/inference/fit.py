@@ -20,12 +20,12 @@ from .model import Columns, Fresnel, Lit, Model, columns, fresnel_of, lit_by, na
 from .normal import Layout, Normal, Prior, Weighing, assemble, bounded, lay_out, solve, weigh
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
-DESCENTS = 4  # how many of them are descended from
+DESCENTS = 3  # how many of them are descended from
 MOST_MINIMA = 2  # how many of the optima found are looked at with the calibration free
 STEPS = 25
 ROUNDS = 4  # of new weights, at most
 STANDS_SD = 0.01  # sds by which new weights may still move the shape
-SEARCH_CELLS = 4000  # enough to tell where to begin, few enough to be cheap
+SEARCH_CELLS = 2500  # enough to tell where to begin, few enough to be cheap
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 

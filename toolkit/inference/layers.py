@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.geometry.sphere import surface
+from toolkit.geometry.sphere import on_sphere
 from toolkit.records import Fit, Floats, ModelLayers
 from toolkit.reflectance.lobe import LOBES
 
@@ -77,15 +77,15 @@ def layers_of(
     `places_px` (3, 2) is where each channel's samples lie about a pixel's own place: a mosaic's in its quad.
     """
     height, width = picture.shape[:2]
-    row, column = np.mgrid[:height, :width].reshape(2, -1)
+    row, column = np.ogrid[:height, :width]
     x, y = origin_px[0] + step_px * column, origin_px[1] + step_px * row
-    on_sphere = surface(fit.scene.camera, fit.scene.sphere, x, y).on_sphere
-    there = predict(fit, x[on_sphere], y[on_sphere])
+    seen = on_sphere(fit.scene.camera, fit.scene.sphere, x, y)
+    row, column = np.nonzero(seen)
+    there = predict(fit, origin_px[0] + step_px * column, origin_px[1] + step_px * row)
 
     def image(values: Floats) -> Floats:
-        full = np.full((height * width, 3), np.nan, np.float32)
-        full[on_sphere] = values
-        layer = full.reshape(height, width, 3)
+        layer = np.full((height, width, 3), np.nan, np.float32)
+        layer[seen] = values
         return layer if places_px is None else _at_places(layer, places_px / step_px)
 
     photograph = np.asarray(picture, np.float32)
@@ -97,7 +97,7 @@ def layers_of(
         specular=specular,
         model=model,
         residual=photograph - model,
-        used=used & on_sphere.reshape(height, width, 1),
+        used=used & seen[..., None],
         pedestal=np.array(there.pedestal),
         origin_px=origin_px,
         step_px=step_px,

@@ -22,7 +22,8 @@ DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
 ROUNDS = 4
-SETTLED_SD = 0.1  # posterior sds by which the scene may still move
+SETTLED_SD = 0.5  # posterior sds by which the last move may be off: its own error is of second order in it
+SETTLED_PRIOR_SD = 0.02  # or prior sds, where a wrong model makes the posterior absurdly narrow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +160,7 @@ def _follow(problem: Problem, optimum: Optimum, shifts: Shifts) -> tuple[Optimum
         moved = optimum.x[len(linear.layout.names) :]
         total = total + moved
         sd = 1.0 / np.sqrt(np.diag(optimum.joint)[len(linear.layout.names) : linear.layout.size])
-        if np.all(np.abs(moved) <= SETTLED_SD * sd):
+        if np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)):
             break
     return optimum, total
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def _walk(
         dimensions,
         surrogate.log_density,
         vectorize=True,
-        moves=[(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)],
+        moves=_moves(dimensions),
     )
     state = emcee.State(begin, random_state=np.random.RandomState(seed).get_state())
     state = sampler.run_mcmc(state, BLOCK)
@@ -99,12 +100,26 @@ def _walk(
     diagnostics = Diagnostics(
         samples=len(flat),
         ess_min=len(flat) / tau,
-        r_hat_max=max(split_r_hat(chain[:, :, d].T) for d in range(dimensions)),
+        r_hat_max=max(split_r_hat(_groups(chain[:, :, d])) for d in range(dimensions)),
         tau_max=tau,
         acceptance=float(np.mean(sampler.acceptance_fraction)),
         seed=seed,
     )
     return flat, diagnostics, enough
+
+
+def _moves(dimensions: int) -> list[tuple[Any, float]]:
+    """Differential evolution and stretches; in several dimensions, where these mix slowly, a kernel density's draws."""
+    import emcee
+
+    if dimensions == 1:
+        return [(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)]
+    return [(emcee.moves.KDEMove(), 0.6), (emcee.moves.DEMove(), 0.4)]
+
+
+def _groups(chain: Floats) -> Floats:
+    """One parameter's chain (steps, walkers) as CHAINS chains of groups of walkers, each in order of time."""
+    return chain.reshape(len(chain), CHAINS, -1).transpose(1, 0, 2).reshape(CHAINS, -1)
 
 
 def _draw_linear(
