@@ -2,45 +2,64 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import Quads
-from toolkit.records import ColourLayers, Fit, Floats, LinearImage, ModelLayers, Scene
+from toolkit.records import ColourLayers, Fit, LinearImage, ModelLayers, Scene
 
 from .settings import Settings
 
+if TYPE_CHECKING:
+    from toolkit.separation import Illuminant
+
 
 def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings: Settings) -> ColourLayers | None:
-    """What colour alone separates, with the light's colour as given, or as the photograph shows it."""
+    """What colour alone separates; None where that is not asked for, or the photograph's colours cannot tell."""
     if settings.separation.method == "none":
         return None
-    from toolkit.separation import separate
+    from toolkit.separation import best_illuminant, separate
 
-    colour, source = _light_colour(scene, settings)
     row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
     (x0, y0), step = picture.origin_px, picture.step_px
-    return separate(
-        picture.values,
-        variance=image.noise,
-        usable=usable_samples(image),
-        bloom=(picture.flags & SampleFlag.BLOOM) > 0,
-        on_sphere=on_sphere(scene.camera, scene.sphere, x0 + step * column, y0 + step * row),
-        light_colour=colour,
-        light_source=source,
-        origin_px=picture.origin_px,
-        step_px=picture.step_px,
-    )
+    seen: dict[str, Any] = {
+        "variance": image.noise,
+        "usable": usable_samples(image),
+        "bloom": (picture.flags & SampleFlag.BLOOM) > 0,
+        "on_sphere": on_sphere(scene.camera, scene.sphere, x0 + step * column, y0 + step * row),
+    }
+    try:
+        white = image.metadata.as_shot_neutral
+        light = best_illuminant(
+            picture.values,
+            **seen,
+            known=_known_illuminant(scene, settings),
+            camera_white=np.array(white) if len(white) == 3 else None,
+        )
+        return separate(
+            picture.values,
+            **seen,
+            light_colour=light.colour,
+            light_covariance=light.covariance,
+            light_source=light.source,
+            origin_px=picture.origin_px,
+            step_px=picture.step_px,
+        )
+    except BadInputError:  # too few colours that can be used: the fit has its own word on that
+        return None
 
 
-def _light_colour(scene: Scene, settings: Settings) -> tuple[Floats, str]:
-    if settings.separation.illuminant is not None:
-        return np.array(settings.separation.illuminant), "given"
-    if scene.scale == "absolute":
-        return np.array(scene.lights[0].irradiance), "irradiance"
-    return np.ones(3), "assumed white"
+def _known_illuminant(scene: Scene, settings: Settings) -> list[Illuminant]:
+    """The light's colour where the settings or a known irradiance give it."""
+    from toolkit.separation import illuminant
+
+    given = settings.separation.illuminant or (scene.lights[0].irradiance if scene.scale == "absolute" else None)
+    return [] if given is None else [illuminant(np.array(given), sd_deg=0.0, source="given")]
 
 
 def usable_samples(image: LinearImage) -> NDArray[np.bool_]:

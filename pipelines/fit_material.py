@@ -55,6 +55,7 @@ def fit_material(path: Path, settings: Settings, *, progress: Progress | None = 
         preferred=preferred,
         elpd_difference=lead,
         layers=layers,
-        flags=found + quality_flags(image, scene, separation, fits[best], preferred),
+        flags=found
+        + quality_flags(image, scene, separation, fits[best], preferred, asked=settings.separation.method != "none"),
         seconds=clock.seconds,
     )

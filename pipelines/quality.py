@@ -16,9 +16,9 @@ THIN = 4  # one row and column in so many is enough to count the core's samples
 
 
 def quality_flags(
-    image: LinearImage, scene: Scene, separation: ColourLayers | None, best: Fit, preferred: int | None
+    image: LinearImage, scene: Scene, separation: ColourLayers | None, best: Fit, preferred: int | None, *, asked: bool
 ) -> tuple[str, ...]:
-    """The flags of the photograph and of its best fit."""
+    """The flags of the photograph and of its best fit; `asked` whether separation by colour was."""
     clipped, core = clipped_shares(image, scene)
     found = {
         Flag.RELATIVE_SCALE: scene.scale == "relative",
@@ -28,6 +28,7 @@ def quality_flags(
         Flag.HIGHLIGHT_CLIPPED: core > CORE_SHARE,
         Flag.HIGHLIGHT_UNSEEN: np.isnan(core),
         Flag.MODEL_UNDECIDED: preferred is None,
+        Flag.COLOUR_CANNOT_SEPARATE: separation is None and asked,
     }
     of_colour = separation.flags if separation is not None else ()
     return tuple(dict.fromkeys([*(flag for flag, holds in found.items() if holds), *of_colour, *best.flags]))
