@@ -28,10 +28,12 @@ def quality_flags(
         Flag.HIGHLIGHT_CLIPPED: core > CORE_SHARE,
         Flag.HIGHLIGHT_UNSEEN: np.isnan(core),
         Flag.MODEL_UNDECIDED: preferred is None,
-        Flag.COLOUR_CANNOT_SEPARATE: separation is None and asked,
+        Flag.COLOUR_CANNOT_SEPARATE: asked
+        and (
+            separation is None or Flag.COLOUR_CANNOT_SEPARATE in separation.flags
+        ),  # the separation's other flags are about its own layers and stay with them
     }
-    of_colour = separation.flags if separation is not None else ()
-    return tuple(dict.fromkeys([*(flag for flag, holds in found.items() if holds), *of_colour, *best.flags]))
+    return tuple(dict.fromkeys([*(flag for flag, holds in found.items() if holds), *best.flags]))
 
 
 def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:

@@ -36,7 +36,7 @@ def _apart_deg(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 @pytest.mark.parametrize("light_deg", [5.0, 40.0, 80.0])
 def test_a_rendered_ball_tells_its_light(light_deg: float) -> None:
-    """Within three of its stated sds, wherever the light stands; the highlight's own normal would be off by half of it."""
+    """Within three of its stated sds, wherever the light stands; the highlight's normal would be off by half of it."""
     radiance, scene = radiance_of(300, light_deg=light_deg)
     found = _found(photograph(radiance, seed=1), scene.sphere)
     assert found.highlight_seen
