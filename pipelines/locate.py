@@ -25,21 +25,14 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     sphere, flags = sphere_of(settings), list[str]()
     noise, transfer = noise_of_settings(settings), settings.image.transfer
     if sphere is None:
-        from toolkit.geometry.outline import find_sphere
+        from toolkit.geometry.detect import find_sphere
         from toolkit.radiometry.quads import quads
 
         whole = linearise(frame, transfer=transfer, noise=noise)
         picture = quads(whole)
-        outline = find_sphere(
-            picture.values,
-            origin_px=picture.origin_px,
-            step_px=picture.step_px,
-            noise=whole.noise,
-            camera=camera,
-            flags=picture.flags,
-        )
-        sphere, noise = outline.sphere, whole.noise
-        flags += [Flag.SPHERE_UNCERTAIN] if outline.uncertain else []
+        found = find_sphere(picture.values, origin_px=picture.origin_px, step_px=picture.step_px, camera=camera)
+        sphere, noise = found.sphere, whole.noise
+        flags += [Flag.SPHERE_UNCERTAIN] if found.uncertain else []
     _check_sphere(sphere.centre_px, sphere.radius_px, width, height)
     lights = lights_of(settings)
     known = bool(lights) and all(light.irradiance for light in lights)
