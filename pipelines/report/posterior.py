@@ -40,7 +40,7 @@ def write_posterior(path: Path, report: MaterialReport) -> None:
             _write_draws(group.create_group("posterior"), fit, report.image.sha256)
             _write_scalars(group.create_group("sample_stats"), _diagnostics(fit))
             _write_quality(group.create_group("fit"), fit)
-    path.write_bytes(held.getbuffer())
+    path.write_bytes(held.getvalue())  # a copy: a view would outlive a failed write and block the buffer's end
 
 
 def names(fits: tuple[Fit, ...]) -> list[str]:

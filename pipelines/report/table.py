@@ -127,7 +127,7 @@ def _three(value: float | Floats | None) -> Floats:
 
 
 def _models(report: MaterialReport, best: Fit) -> Table:
-    table = _table("model", "diffuse", "shape", "chi2/dof", "elpd below best")
+    table = _table("model", "diffuse", "shape", "chi2/dof", "elpd below best", folded="shape")
     for fit in sorted(report.fits, key=lambda fit: -np.nan_to_num(fit.elpd, nan=-np.inf)):
         shape = ", ".join(f"{name} {value:.4g}" for name, value in fit.shape.items())
         name = fit.model + "".join(f":{option}={choice}" for option, choice in _unlike(fit, report).items())
@@ -163,13 +163,17 @@ def _remarks(report: MaterialReport) -> Iterator[str]:
         yield f"{clean(flag)}: {MEANING[Flag(flag)]}" if known else clean(flag)
 
 
-def _table(*heads: str) -> Table:
+def _table(*heads: str, folded: str = "") -> Table:
+    """Columns as wide as their words; the one to be `folded` gives way and takes more lines."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for head in heads:
-        table.add_column(head, no_wrap=True, overflow="ellipsis")
+        if head == folded:
+            table.add_column(head, overflow="fold", ratio=1)
+        else:
+            table.add_column(head, no_wrap=True, overflow="ellipsis")
     return table
 
 
