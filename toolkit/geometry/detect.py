@@ -1,4 +1,4 @@
-"""Find the ball in a photograph: a plain detection, good to about half a pixel, that the fit then refines.
+"""Find the ball in a photograph: a plain detection, good to about a pixel, that the fit then refines.
 
 Edge points of the picture vote in pairs for circles: the gradients of two points of a limb meet in its centre. Of the
 circles that most of a limb supports the largest is taken, its limb located along radii where brightness changes
