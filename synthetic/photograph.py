@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.io.dng import write_dng
 from toolkit.records import Camera, Floats, Noise, Scene
@@ -48,7 +49,6 @@ def render_photograph(
     scene file holds the irradiance in image units and the noise with the rounding's; truth["parameters"] bears the
     names of a result. A DNG saturates at 1, a PNG at 0 and 1, an EXR nowhere.
     """
-    sensor, noise = sensor or cam.Sensor(), noise or cam.GOOD_CAMERA
     picture = render(
         scene,
         material,
@@ -61,29 +61,51 @@ def render_photograph(
     if blur_sd_px > 0.0:
         picture = cam.blurred(picture, sd_px=blur_sd_px)
     factor = exposure if exposure is not None else cam.exposure_for(picture, highlight=highlight)
+    return photograph(
+        picture,
+        scene,
+        material,
+        noise,
+        format=format,
+        exposure=factor,
+        seed=seed,
+        path=path,
+        sensor=sensor,
+        sidecar=sidecar,
+    )
+
+
+def photograph(
+    picture: Render,
+    scene: Scene,
+    material: Material,
+    noise: Noise | None,
+    *,
+    format: Format,  # noqa: A002  # the word of the scene file
+    exposure: float,
+    seed: int,
+    path: str | Path,
+    sensor: cam.Sensor | None = None,
+    sidecar: bool = True,
+) -> dict[str, Any]:
+    """Photograph a picture that is there already; all else as `render_photograph`."""
+    sensor, noise = sensor or cam.Sensor(), noise or cam.GOOD_CAMERA
     steps = {"dng": sensor.step, "png": 1.0 / 65535.0, "exr": 0.0}
-    rounded, seen = cam.with_rounding(noise, steps[format]), exposed(scene, factor)
+    rounded, seen = cam.with_rounding(noise, steps[format]), exposed(scene, exposure)
     rng = np.random.default_rng(seed)
     if format == "dng":
-        clipped = _write_dng(Path(path), picture, factor, noise, sensor, scene.camera, rng)
+        samples = cam.mosaic(picture, exposure=exposure, noise=noise, sensor=sensor, rng=rng)
+        write_raw(Path(path), samples, noise, sensor, scene.camera)
+        clipped = int(np.count_nonzero(samples == sensor.white_dn))
     else:
-        clipped = _write_rgb(Path(path), picture, factor, noise, format, rng)
+        clipped = _write_rgb(Path(path), picture, exposure, noise, format, rng)
     if sidecar:
         write_scene_toml(Path(f"{path}.toml"), seen, rounded, comment=_COMMENT)
-    return truth(seen, material, rounded) | {"exposure": factor, "seed": seed, "clipped": clipped}
+    return truth(seen, material, rounded) | {"exposure": exposure, "seed": seed, "clipped": clipped}
 
 
-def _write_dng(
-    path: Path,
-    picture: Render,
-    exposure: float,
-    noise: Noise,
-    sensor: cam.Sensor,
-    camera: Camera,
-    rng: np.random.Generator,
-) -> int:
-    """Write the mosaic; returns how many samples are saturated."""
-    samples = cam.mosaic(picture, exposure=exposure, noise=noise, sensor=sensor, rng=rng)
+def write_raw(path: Path, samples: NDArray[np.uint16], noise: Noise, sensor: cam.Sensor, camera: Camera) -> None:
+    """Write a mosaic as the DNG that the sensor and its camera would; `noise` goes into its NoiseProfile."""
     known = camera.projection == "perspective" and camera.focal_length_px is not None
     write_dng(
         path,
@@ -100,7 +122,6 @@ def _write_dng(
         focal_length_mm=(camera.focal_length_px or 0.0) / _PX_PER_MM if known else 85.0,
         focal_plane_px_per_mm=_PX_PER_MM if known else None,
     )
-    return int(np.count_nonzero(samples == sensor.white_dn))
 
 
 def _write_rgb(
