@@ -25,6 +25,8 @@ MOST_MINIMA = 2  # how many of the optima found are looked at with the calibrati
 STEPS = 25
 ROUNDS = 4  # of new weights, at most
 STANDS_SD = 0.01  # sds by which new weights may still move the shape
+LONGEST_STEP, LONGEST_SHARE = 0.7, 0.25  # a factor of two in a logarithm; of a range
+SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
 SEARCH_CELLS = 2500  # enough to tell where to begin, few enough to be cheap
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
@@ -219,24 +221,26 @@ def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
 def _descend(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
     """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
     low, high = problem.model.bounds()
-    u = np.clip(u, low, high)
+    inside = ONTO_BOUND * (high - low)
+    u = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
     here = _project(problem, u, weights)
     status = f"not converged after {STEPS} steps"
     joint = problem.assemble(here.columns, weights, here.x)
     for _ in range(STEPS):
         step = _shape_step(joint, here.on_bound, u, low, high)
-        wanted = np.clip(u + step, low, high) - u
+        near, far = _reach(u, low, high)
+        wanted = np.clip(u + step, near, far) - u
         if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * _shape_sd(joint.matrix, problem), 1e-9)):
             status = "converged"
             break
         for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
-            there = _project(problem, np.clip(u + factor * step, low, high), weights)
+            there = _project(problem, np.clip(u + factor * step, near, far), weights)
             if there.chi2 < here.chi2:
                 break
         else:  # nothing lower along the step: as good as it gets
             status = "converged"
             break
-        u, here = np.clip(u + factor * step, low, high), there
+        u, here = np.clip(u + factor * step, near, far), there
         joint = problem.assemble(here.columns, weights, here.x)
     resting = np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)])
     return Optimum(
@@ -249,6 +253,17 @@ def _descend(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
         on_bound=resting,
         status=status,
     )
+
+
+def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """How far one step may go: most of the way to a bound, onto it only from close by.
+
+    A long step that ends on a bound can stay there for good: at roughness 0 Oren-Nayar's slope in it is 0.
+    """
+    close = ONTO_BOUND * (high - low)
+    near = np.where(u - low > close, low + SHORT_OF_BOUND * (u - low), low)
+    far = np.where(high - u > close, high - SHORT_OF_BOUND * (high - u), high)
+    return near, far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -267,8 +282,13 @@ def _project(problem: Problem, u: Floats, weights: Weighing) -> _Projection:
     return _Projection(columns=cols, x=x, chi2=chi2, on_bound=on_bound)
 
 
+def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
+    """Chi-square at one shape, everything linear solved for; the prior's part counts."""
+    return _project(problem, u, weights).chi2
+
+
 def _shape_step(joint: Normal, on_bound: NDArray[np.bool_], u: Floats, low: Floats, high: Floats) -> Floats:
-    """The Gauss-Newton step of the shape, what rests on a bound held there, limited to a factor of two."""
+    """The Gauss-Newton step of the shape, what rests on a bound held there, shortened as a whole where it is long."""
     size = len(on_bound)
     if len(u) == 0:
         return np.zeros(0)
@@ -277,4 +297,5 @@ def _shape_step(joint: Normal, on_bound: NDArray[np.bool_], u: Floats, low: Floa
     step = np.zeros(len(joint.rhs))
     damped = joint.matrix[np.ix_(free, free)] * (1.0 + 1e-9 * np.eye(int(free.sum())))
     step[free] = solve(damped, joint.rhs[free])
-    return np.clip(step[size:], -0.7, 0.7)
+    longest = np.minimum(LONGEST_STEP, LONGEST_SHARE * (high - low))
+    return np.asarray(step[size:] / max(1.0, float(np.max(np.abs(step[size:]) / longest))))

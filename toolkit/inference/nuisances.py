@@ -7,7 +7,7 @@ stands (Gauss-Newton). Their marginalisation is then in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +15,17 @@ import numpy as np
 from toolkit.records import Floats, Light, Scene, Sphere
 
 from .cells import Cells
-from .fit import Optimum, Problem, fit, minima, pose
+from .fit import Optimum, Problem, chi2_at, fit, minima, pose
 from .model import columns, lit_by
+from .normal import inverse, weigh
 
 DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
-ROUNDS = 4
-SETTLED_SD = 0.5  # posterior sds by which the last move may be off: its own error is of second order in it
+ROUNDS = 20
+SETTLED_SD = 0.1  # posterior sds of the last move: its own error is of second order in it
+SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
+MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
 SETTLED_PRIOR_SD = 0.02  # or prior sds, where a wrong model makes the posterior absurdly narrow
 
 
@@ -133,36 +136,61 @@ def tangents(direction: Floats) -> tuple[Floats, Floats]:
 def fit_with_shifts(problem: Problem, shifts: Shifts) -> tuple[Optimum, Floats]:
     """The optimum with the shifts free; also the shifts at which the scene came to stand.
 
-    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed.
+    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed; where the calibration
+    then moved by much, the shape is searched once more.
     """
+    nowhere = np.zeros(len(shifts.names))
     if not shifts.names:
-        return fit(problem), np.zeros(0)
-    found = [_follow(problem, optimum, shifts) for optimum in minima(problem)]
+        return fit(problem), nowhere
+    starts = minima(problem)
+    best, total = _best([_follow(problem, optimum, shifts, nowhere) for optimum in starts])
+    if starts[0].chi2 - best.chi2 < MISLED:
+        return best, total
+    moved = pose(problem.model, shifted(problem.scene, shifts, total), problem.cells, problem.noise)
+    return _best([(best, total), *(_follow(problem, optimum, shifts, total) for optimum in minima(moved))])
+
+
+def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
     return min(found, key=lambda pair: pair[0].chi2)
 
 
-def _follow(problem: Problem, optimum: Optimum, shifts: Shifts) -> tuple[Optimum, Floats]:
+def _follow(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> tuple[Optimum, Floats]:
+    """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened."""
     prior = prior_precision(problem.scene, shifts)
-    total = np.zeros(len(shifts.names))
     for _ in range(ROUNDS):
-        scene = shifted(problem.scene, shifts, total)
-        extras = sensitivity(optimum, problem.scene, shifts, total, problem.cells)
-        linear = pose(
-            problem.model,
-            scene,
-            problem.cells,
-            problem.noise,
-            extras=extras,
-            extras_precision=prior,
-            extras_centre=-total,
-        )
+        linear = _linearised(problem, optimum, shifts, prior, total)
         optimum = fit(linear, start=optimum)
         moved = optimum.x[len(linear.layout.names) :]
-        total = total + moved
-        sd = 1.0 / np.sqrt(np.diag(optimum.joint)[len(linear.layout.names) : linear.layout.size])
+        sd = np.sqrt(np.diag(inverse(optimum.joint))[len(linear.layout.names) : linear.layout.size])
         if np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)):
-            break
-    return optimum, total
+            return optimum, total + moved
+        total = total + _share(problem, optimum, shifts, prior, total, moved) * moved
+    return replace(optimum, status=f"calibration not settled after {ROUNDS} rounds"), total
+
+
+def _linearised(problem: Problem, optimum: Optimum, shifts: Shifts, prior: Floats, total: Floats) -> Problem:
+    """The problem with the scene shifted by `total` and further small shifts as columns."""
+    return pose(
+        problem.model,
+        shifted(problem.scene, shifts, total),
+        problem.cells,
+        problem.noise,
+        extras=sensitivity(optimum, problem.scene, shifts, total, problem.cells),
+        extras_precision=prior,
+        extras_centre=-total,
+    )
+
+
+def _share(problem: Problem, optimum: Optimum, shifts: Shifts, prior: Floats, total: Floats, moved: Floats) -> float:
+    """How much of a move to make: all, unless the picture, not linearised, would be worse there than before."""
+    weights = weigh(optimum.weights.weights, problem.extras)
+
+    def chi2(values: Floats) -> float:
+        there = pose(problem.model, shifted(problem.scene, shifts, values), problem.cells, problem.noise)
+        return chi2_at(there, optimum.u, weights) + float(values @ prior @ values)
+
+    here = chi2(total)
+    return next((share for share in SHARES if chi2(total + share * moved) < here), SHARES[-1])
 
 
 def sensitivity(optimum: Optimum, scene: Scene, shifts: Shifts, total: Floats, cells: Cells) -> tuple[Floats, ...]:

@@ -1,0 +1,109 @@
+"""One trial from its numbers to a line of the record: rendered, photographed, fitted as a user would, compared."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from synthetic.render import Render
+from toolkit.errors import FitMaterialError
+from toolkit.records import Estimate, Fit, Floats, MaterialReport
+
+from .broken import as_asked
+from .design import Trial
+from .shot import Shot, shoot, write
+
+Line = dict[str, Any]
+INNER = 0.95  # of the radius: the limb's pixels are half background
+
+
+def run_trial(trial: Trial, folder: Path, *, discrepancy: bool = True) -> Line:
+    """The trial's line; a failure is a line too. The photograph of a failure is kept in `folder`, others are not."""
+    begin = time.perf_counter()
+    shot = as_asked(shoot(trial), trial.broken, trial.amount)
+    path, truth = write(shot, folder, trial.name)
+    rendered = time.perf_counter() - begin
+    line: Line = {"number": trial.number, "model": trial.model, "diffuse": trial.diffuse, "broken": trial.broken}
+    line |= {"amount": trial.amount, "scene": dict(trial.scene)}
+    try:
+        report = _fitted(path, trial, discrepancy=discrepancy)
+    except FitMaterialError as error:
+        return line | {"status": "failed", "reason": str(error), "file": path.name}
+    except Exception as error:  # a defect must show in the table, not end the run
+        return line | {"status": "failed", "reason": f"{type(error).__name__}: {error}", "file": path.name}
+    path.unlink()
+    Path(f"{path}.toml").unlink()
+    fit = report.fits[report.best]
+    return line | {
+        "status": "done",
+        "flags": sorted({*report.flags, *fit.flags}),
+        "numbers": list(_compared(fit, truth)),
+        "psnr_db": _psnr_db(report, shot),
+        "chi2_reduced": fit.chi2_reduced,
+        "seconds": {"render": rendered, **report.seconds},
+    }
+
+
+def _fitted(path: Path, trial: Trial, *, discrepancy: bool) -> MaterialReport:
+    from pipelines.fit_material import fit_material
+    from pipelines.layers import Layer, resolve
+
+    asked = {
+        "models": [trial.model],
+        "diffuse": [trial.diffuse],
+        "seed": trial.seed % 2**32,
+        "discrepancy": "on" if discrepancy else "off",
+    }
+    return fit_material(path, resolve(path, flags=[Layer(name="the trial", values={"fit": asked})]))
+
+
+def _compared(fit: Fit, truth: Mapping[str, Any]) -> Iterator[Line]:
+    """Each number of the truth beside its posterior."""
+    estimates = {e.name: e for e in fit.parameters if e.estimate is not None}
+    for name, true in truth.items():
+        if name in estimates and not (name == "specular_strength" and "specular_f0" in truth):
+            yield from _numbers(name, np.atleast_1d(true), estimates[name], fit.draws[name])
+
+
+def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats) -> Iterator[Line]:
+    mean, sd = np.atleast_1d(estimate.estimate), np.atleast_1d(estimate.sd)  # type: ignore[arg-type]  # not None here
+    flat = draws.reshape(-1, len(truth))
+    low, high = np.percentile(flat, [2.5, 97.5], axis=0)
+    for c, true in enumerate(truth):
+        yield {
+            "name": name,
+            "channel": c if len(truth) > 1 else None,
+            "truth": float(true),
+            "mean": float(mean[c]),
+            "sd": float(sd[c]),
+            "rank": float((np.count_nonzero(flat[:, c] < true) + 0.5) / (len(flat) + 1.0)),
+            "interval_95": [float(low[c]), float(high[c])],
+        }
+
+
+def _psnr_db(report: MaterialReport, shot: Shot) -> float | None:
+    """Peak signal to noise of the diffuse layer against the render's, inside the ball; None where it has no layers."""
+    layers = report.layers
+    if layers is None:
+        return None
+    (x0, y0), step = layers.origin_px, layers.step_px
+    height, width = layers.diffuse.shape[:2]
+    true = _diffuse_at(shot.picture, x0 + step * np.arange(width), y0 + step * np.arange(height)) * shot.exposure
+    (cx, cy), radius = shot.scene.sphere.centre_px, shot.scene.sphere.radius_px
+    x, y = np.meshgrid(x0 + step * np.arange(width) - cx, y0 + step * np.arange(height) - cy)
+    inside = np.hypot(x, y) < INNER * radius
+    error = (layers.diffuse - true)[inside]
+    return float(10.0 * np.log10(true.max() ** 2 / max(float(np.nanmean(error**2)), 1e-30)))
+
+
+def _diffuse_at(picture: Render, x_px: Floats, y_px: Floats) -> Floats:
+    """The render's diffuse layer (len(y), len(x), 3) at places between pixels, bilinear: a quad's middle."""
+    from scipy.ndimage import map_coordinates
+
+    (x0, y0) = picture.origin_px
+    places = np.meshgrid(y_px - y0, x_px - x0, indexing="ij")
+    return np.stack([map_coordinates(picture.diffuse[..., c], places, order=1, mode="nearest") for c in range(3)], -1)
