@@ -22,10 +22,13 @@ Pair = tuple[str, str]  # a specular model with its variant, a diffuse lobe
 Job = Callable[[Pair], Fit]
 
 
-def fit_models(image: LinearImage, scene: Scene, settings: Settings, progress: Progress | None) -> tuple[Fit, ...]:
+def fit_models(
+    image: LinearImage, scene: Scene, settings: Settings, progress: Progress | None, *, processes: int | None = None
+) -> tuple[Fit, ...]:
     """One fit for every specular and diffuse lobe asked for; raises BadInputError where too little is lit.
 
     Without a diffuse lobe asked for, every model is fitted over Lambert, then the best of them over OTHER_BODIES.
+    `processes` work side by side, one a core where None.
     """
     from threadpoolctl import threadpool_limits
 
@@ -48,9 +51,9 @@ def fit_models(image: LinearImage, scene: Scene, settings: Settings, progress: P
     others = () if settings.fit.diffuse else OTHER_BODIES
     tell = _teller(progress, len(wanted) + len(others))
     with threadpool_limits(1):  # one thread for each of the small products: faster, and the same sums on every machine
-        fits = _all(fit, wanted, tell)
+        fits = _all(fit, wanted, tell, processes)
         best = max(range(len(fits)), key=lambda i: fits[i].elpd)
-        return tuple(fits + _all(fit, [(wanted[best][0], body) for body in others], tell))
+        return tuple(fits + _all(fit, [(wanted[best][0], body) for body in others], tell, processes))
 
 
 def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
@@ -74,10 +77,11 @@ def _run(pair: Pair) -> Fit:
     return _job(pair)
 
 
-def _all(fit: Job, pairs: Sequence[Pair], tell: Callable[[Pair], None]) -> list[Fit]:
+def _all(fit: Job, pairs: Sequence[Pair], tell: Callable[[Pair], None], processes: int | None) -> list[Fit]:
     """All fits in order: side by side in forks of this process where it may have children, else one by one."""
     global _job  # a fork inherits it, with the photograph, at no cost
-    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, len(pairs))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    workers = min(processes or cores, len(pairs))
     fits: list[Fit] = []
     if workers < 2 or multiprocessing.current_process().daemon or os.environ.get(ALONE):
         for pair in pairs:

@@ -14,10 +14,13 @@ from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
 
 
-def fit_material(path: Path, settings: Settings, *, progress: Progress | None = None) -> MaterialReport:
+def fit_material(
+    path: Path, settings: Settings, *, progress: Progress | None = None, processes: int | None = None
+) -> MaterialReport:
     """Fit every model asked for to one photograph.
 
-    `progress(stage, fraction)` is told of each stage as it begins. Raises BadInputError for a file or a scene that
+    `progress(stage, fraction)` is told of each stage as it begins. `processes` fit models side by side, one a core
+    where None. Raises BadInputError for a file or a scene that
     cannot be used, UsageError for settings that make no sense.
     """
     from toolkit.io.read import read
@@ -42,7 +45,7 @@ def fit_material(path: Path, settings: Settings, *, progress: Progress | None = 
     from .candidates import fit_models
 
     with clock.stage("fit"):
-        fits = fit_models(image, scene, settings, progress)
+        fits = fit_models(image, scene, settings, progress, processes=processes)
         best, preferred, lead = rank(fits)
     with clock.stage("layers"):
         layers = layers_of_fit(image, picture, fits[best])

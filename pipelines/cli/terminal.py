@@ -59,7 +59,7 @@ class Terminal:
 
     def failure(self, name: str, error: Exception, *, lines: bool = False) -> int:
         """Tell of a failure on stderr, and as an object on stdout where JSON is wanted; returns its exit code."""
-        text = _line(error)
+        text = line(error)
         if self.debug:
             _stderr("".join(traceback.format_exception(error)).rstrip())
         self.error(f"{name}: {text}" if name and not text.startswith(name) else text)
@@ -114,7 +114,7 @@ class Terminal:
         return code
 
 
-def _line(error: Exception) -> str:
+def line(error: Exception) -> str:
     """What a user is told of an error; one that nobody foresaw says so."""
     if isinstance(error, FitMaterialError):
         return str(error)

@@ -7,6 +7,7 @@ import unicodedata
 
 MAX_CHARACTERS = 400
 MAX_STEM = 100
+MAX_STEM_BYTES = 200  # file systems count bytes, 255 with all suffixes
 _DEVICES = re.compile(r"(?i)^(con|prn|aux|nul|com\d|lpt\d)(\..*)?$")  # names that Windows keeps for itself
 
 
@@ -34,5 +35,6 @@ def stem(name: object) -> str:
     base = re.split(r"[/\\]", str(name))[-1]
     before, dot, suffix = base.rpartition(".")
     kept = re.sub(r"[^\w.()+ -]", "_", before if dot and before and len(suffix) <= 8 else base)
-    kept = kept.strip(". ").lstrip("-")[:MAX_STEM].rstrip(". ")
+    kept = kept.strip(". ").lstrip("-")[:MAX_STEM]
+    kept = kept.encode()[:MAX_STEM_BYTES].decode(errors="ignore").rstrip(". ")
     return f"_{kept}" if not kept or _DEVICES.match(kept) else kept

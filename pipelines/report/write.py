@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,15 +29,16 @@ def write_outputs(
     *,
     page: bool = True,
     exports: Sequence[str] = (),
+    beside: Mapping[str, Write] | None = None,
 ) -> Path:
     """Write STEM.json and its companions into `out_dir`, made where it does not exist; the path of STEM.json.
 
-    `exports` are names of `pipelines.export.EXPORTERS`. Files of the same names are replaced; whether that is
+    `exports` are names of `pipelines.export.EXPORTERS`; `beside` writes further files, by suffix. Files of the same names are replaced; whether that is
     wanted is the caller's to ask. What an earlier run with the same stem left and this one does not make goes.
     Raises UsageError for an unknown export or a folder that cannot be written to, FitMaterialError on a full disk.
     """
     name = stem(report.image.name)
-    writers = _writers(report, settings, page=page, exports=exports)
+    writers = {**_writers(report, settings, page=page, exports=exports), **(beside or {})}
     with whole(out_dir, last=f"{name}.json") as draft:
         seconds = {suffix: _timed(write, draft / f"{name}{suffix}") for suffix, write in writers.items()}
         _write_run(draft / f"{name}.run.json", report, seconds)
