@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import surface
-from toolkit.records import Floats, LinearImage, Plane, Scene, readonly
+from toolkit.records import Floats, Light, LinearImage, Plane, Scene, readonly
 
 SMOOTH_RAD = 0.08  # widest cell, as the angle its normals span
 SHARPNESS = 1 / 8  # width of a cell over the angle to the highlight's centre
 MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncertain to be of use
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline
+DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
+WARY_SDS = 3.0  # of the calibration, by which limb and terminator may lie elsewhere
 
 SIDE_X = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]  # the nodes' places about a cell's centre, in spreads
 SIDE_Y = np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
@@ -225,19 +227,31 @@ def _allowed_px(
     seen = surface(scene.camera, scene.sphere, x, y)
     n_dot_v = np.einsum("ni,ni->n", seen.normal, seen.view)
     width_rad = np.full(len(x), SMOOTH_RAD)
-    lit = np.full(len(x), -1.0)
+    lit, place_px, radius = np.full(len(x), -1.0), _place_sd_px(scene), scene.sphere.radius_px
     for light in scene.lights:
         towards, _ = light.at(seen.normal)
         half = towards + seen.view
         half /= np.linalg.norm(half, axis=-1, keepdims=True)
         theta = np.arccos(np.clip(np.einsum("ni,ni->n", seen.normal, half), -1.0, 1.0))
         width_rad = np.minimum(width_rad, SHARPNESS * np.maximum(theta, finest_rad))
-        lit = np.maximum(lit, np.einsum("ni,ni->n", seen.normal, towards))
-    radius = scene.sphere.radius_px
+        dark = max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + place_px / radius))
+        lit = np.maximum(lit, np.einsum("ni,ni->n", seen.normal, towards) - dark)
     rim = (1.0 - np.sqrt(np.maximum(1.0 - n_dot_v**2, 0.0))) * radius  # px inside the outline
-    usable = seen.on_sphere & (n_dot_v > MIN_N_DOT_V) & (rim > LIMB_MARGIN_PX) & (lit > MIN_N_DOT_L)
+    usable = seen.on_sphere & (n_dot_v > MIN_N_DOT_V) & (rim > LIMB_MARGIN_PX + WARY_SDS * place_px) & (lit > 0.0)
     beyond = np.hypot(x - scene.sphere.centre_px[0], y - scene.sphere.centre_px[1]) - radius
     slack = width_px / radius
     ellipse = 0.0 if scene.camera.projection == "orthographic" else 0.3 * radius  # how far an outline may bulge
-    hopeless = ((beyond > width_px + ellipse) & ~seen.on_sphere) | (lit < -0.05 - 4 * slack)
+    hopeless = ((beyond > width_px + ellipse) & ~seen.on_sphere) | (lit < -0.05 - MIN_N_DOT_L - 4 * slack)
     return radius * n_dot_v * width_rad, usable, hopeless
+
+
+def _place_sd_px(scene: Scene) -> float:
+    """Sd of the outline's place where it is largest."""
+    covariance = np.asarray(scene.sphere.covariance_px2)
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance[:2, :2])[-1] + covariance[2, 2], 0.0)))
+
+
+def direction_sd_rad(light: Light) -> float:
+    """How well a light's direction is known, about each of two axes."""
+    stated = getattr(light, "direction_sd_deg", None)
+    return float(np.radians(DIRECTION_SD_DEG if stated is None else stated))

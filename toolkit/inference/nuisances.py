@@ -14,12 +14,11 @@ import numpy as np
 
 from toolkit.records import Floats, Light, Scene, Sphere
 
-from .cells import Cells
+from .cells import Cells, direction_sd_rad
 from .fit import Optimum, Problem, chi2_at, fit, minima, pose
 from .model import columns, lit_by
 from .normal import inverse, weigh
 
-DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
 ROUNDS = 20
@@ -65,8 +64,7 @@ def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
     covariance = np.asarray(scene.sphere.covariance_px2)
     found: list[tuple[str, str, float]] = []
     for i, light in enumerate(scene.lights):
-        stated = getattr(light, "direction_sd_deg", None)
-        tilt = float(np.radians(DIRECTION_SD_DEG if stated is None else stated))
+        tilt = direction_sd_rad(light)
         found += [("light", f"light{i}.tilt_x_rad", tilt), ("light", f"light{i}.tilt_y_rad", tilt)]
         found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
     for j, (group, name) in enumerate(
