@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from toolkit import __version__
 from toolkit.errors import FitMaterialError, UsageError
 
+from .batch import batch
 from .fit import fit
 from .help import Columns
 from .models import models
@@ -38,6 +39,7 @@ app = App(
     result_action="return_value",
 )
 app.default(fit)
+app.command(batch, name="batch", usage="Usage: fit-material batch INPUT ... --out DIR [OPTIONS]")
 app.command(render, name="render")
 app.command(models, name="models")
 

@@ -51,6 +51,12 @@ class Terminal:
         if self.verbose:
             _stderr(text)
 
+    def say(self, text: str) -> None:
+        """A line on stderr that is no error."""
+        from pipelines.report.text import clean
+
+        _stderr(clean(text))
+
     def error(self, text: str) -> None:
         """One line on stderr, whatever the text holds."""
         from pipelines.report.text import clean

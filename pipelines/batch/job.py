@@ -1,0 +1,59 @@
+"""What a worker is asked to do, and what it answers; both travel between processes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pipelines.settings import Settings
+
+Status = Literal["done", "kept", "failed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One photograph to fit. `out` is the batch's folder, `place` the result's below it; `before` what the journal
+    says of this place, None where it says nothing; it and whole results count with `resume` only.
+    """
+
+    number: int
+    image: Path
+    out: Path
+    place: str
+    settings: Settings
+    page: bool
+    exports: tuple[str, ...]
+    version: str
+    resume: bool
+    before: Mapping[str, Any] | None
+    beacon: Path | None  # where a worker says what it is at, for the case that it dies
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How one photograph ended. `lasting`: it would fail again; `seconds`, where a result was made, are not of it."""
+
+    number: int
+    status: Status
+    error: str = ""
+    code: int = 0  # what the command line's exit code would be for it alone
+    input: str = ""  # SHA-256 of the photograph
+    result: str = ""  # SHA-256 of STEM.json
+    lasting: bool = False
+    seconds: float = 0.0
+
+
+def settings_digest(settings: Settings, *, page: bool, exports: tuple[str, ...]) -> str:
+    """One digest of all that a result depends on besides photograph and version."""
+    told = {"settings": settings.model_dump(mode="json"), "page": page, "exports": sorted(exports)}
+    return hashlib.sha256(json.dumps(told, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

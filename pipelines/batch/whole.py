@@ -1,0 +1,175 @@
+"""The batch as a whole: plan, run, and tell of it; the same inputs leave the same bytes, however often it was cut."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipelines.settings import Settings
+from toolkit.errors import BadInputError, UsageError
+
+from .crew import Crew
+from .job import Job, Outcome, settings_digest
+from .journal import NAME, Journal, journal
+from .one import failure, fit_one
+from .photograph import Photograph
+from .places import places
+from .run import Work, run
+
+Ended = Callable[["Item", Outcome], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How a batch is run. `settings_for` gives a photograph's settings, or raises."""
+
+    out: Path
+    settings_for: Callable[[Photograph], Settings]
+    page: bool = True
+    exports: tuple[str, ...] = ()
+    parquet: bool = False
+    resume: bool = False
+    overwrite: bool = False
+    version: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """One photograph with its place and its settings, or why it has none."""
+
+    photograph: Photograph
+    place: str
+    settings: Settings | None
+    digest: str = ""
+    error: Exception | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class Ending:
+    """How all photographs ended, in their order; `kept` came from an earlier run."""
+
+    items: list[Item]
+    outcomes: list[Outcome]
+    flags: list[str] = field(default_factory=list)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """How many were done, kept and failed."""
+        return Counter(outcome.status for outcome in self.outcomes)
+
+
+def batch(
+    photographs: Sequence[Photograph],
+    options: Options,
+    crew: Crew,
+    *,
+    ended: Ended,
+    note: Callable[[str], None],
+    work: Work = fit_one,
+) -> Ending:
+    """Fit all photographs and write the batch's files; `ended` is told of each as it ends, `note` of what is odd.
+
+    Raises UsageError where the folder cannot be used, or holds results of other settings or of another version.
+    """
+    from .finish import finish
+
+    items = plan(photographs, options)
+    _folder(options)
+    outcomes: dict[int, Outcome] = {}
+    with journal(options.out, version=options.version, resume=options.resume) as book:
+        _sweep(options.out)
+        _refuse_other_settings(items, book)
+        jobs = list(_jobs(items, options, book, outcomes, ended))
+
+        def over(job: Job, outcome: Outcome) -> None:
+            item = items[job.number]
+            if job.before is None or (outcome.status != "kept" and outcome.input):  # else the old line stays true
+                book.ended(item.place, item.digest, outcome)
+            outcomes[job.number] = outcome
+            ended(item, outcome)
+
+        if jobs:
+            run(jobs, crew, work, ended=over, note=note)
+        ending = Ending(items=items, outcomes=[outcomes[number] for number in range(len(items))])
+        finish(ending, options)
+    return ending
+
+
+def plan(photographs: Sequence[Photograph], options: Options) -> list[Item]:
+    """Settings and place of each photograph; raises UsageError for a flag's mistake, which would fail all."""
+    if any(one.group for one in photographs):
+        raise UsageError("the manifest names groups for joint fits, which this version cannot make; remove the column")
+    return [_item(one, str(place), options) for one, place in zip(photographs, places(photographs), strict=True)]
+
+
+def _item(photograph: Photograph, place: str, options: Options) -> Item:
+    try:
+        settings = options.settings_for(photograph)
+    except BadInputError as error:
+        return Item(photograph=photograph, place=place, settings=None, error=error)
+    digest = settings_digest(settings, page=options.page, exports=options.exports)
+    return Item(photograph=photograph, place=place, settings=settings, digest=digest)
+
+
+def _folder(options: Options) -> None:
+    out = options.out
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file; expected a folder for the results: --out DIR")
+    begun = (out / NAME).exists()
+    if out.is_dir() and any(out.iterdir()) and not options.overwrite and not (options.resume and begun):
+        told = "holds a batch" if begun else "is not empty"
+        more = ", --resume to go on with it, or --overwrite" if begun else ", or --overwrite to write into it"
+        raise UsageError(f"{out} {told}; expected a new folder: --out DIR{more}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to {out}: {error.strerror}; choose another folder with --out") from error
+
+
+def _sweep(out: Path) -> None:
+    """Remove what a killed run left half made; nothing of the kind belongs to a running one, which holds the lock."""
+    for draft in list(out.rglob(".fit-material-*.part")):
+        if draft.is_dir() and not draft.is_symlink():
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def _refuse_other_settings(items: Sequence[Item], book: Journal) -> None:
+    other = [item for item in items if (known := book.before.get(item.place)) and _other(known, item)]
+    if other:
+        raise UsageError(
+            f"the results of {len(other)} photographs, {other[0].place} the first, are of other settings or outputs; "
+            "expected the same flags and scene files, or --overwrite"
+        )
+
+
+def _other(known: Mapping[str, Any], item: Item) -> bool:
+    return bool(known.get("settings")) and bool(item.digest) and known["settings"] != item.digest
+
+
+def _jobs(
+    items: Sequence[Item], options: Options, book: Journal, outcomes: dict[int, Outcome], ended: Ended
+) -> Iterator[Job]:
+    """What is to be done; items without settings have failed already."""
+    for number, item in enumerate(items):
+        if item.settings is None:
+            outcomes[number] = failure(number, item.error or BadInputError("no settings"))
+            book.ended(item.place, "", outcomes[number])
+            ended(item, outcomes[number])
+            continue
+        yield Job(
+            number=number,
+            image=item.photograph.path.absolute(),
+            out=options.out.absolute(),
+            place=item.place,
+            settings=item.settings,
+            page=options.page,
+            exports=options.exports,
+            version=options.version,
+            resume=options.resume,
+            before=book.before.get(item.place),
+            beacon=None,
+        )
