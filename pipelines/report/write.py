@@ -34,7 +34,8 @@ def write_outputs(
     """Write STEM.json and its companions into `out_dir`, made where it does not exist; the path of STEM.json.
 
     `exports` are names of `pipelines.export.EXPORTERS`; `beside` writes further files, by suffix. Files of the
-    same names are replaced; whether that is wanted is the caller's to ask. What an earlier run with the same stem left and this one does not make goes.
+    same names are replaced; whether that is wanted is the caller's to ask. What an earlier run with the same stem
+    left and this one does not make goes.
     Raises UsageError for an unknown export or a folder that cannot be written to, FitMaterialError on a full disk.
     """
     name = stem(report.image.name)
