@@ -12,6 +12,7 @@ from toolkit import __version__
 from toolkit.errors import FitMaterialError, UsageError
 
 from .batch import batch
+from .compare import compare
 from .fit import fit
 from .help import Columns
 from .models import models
@@ -40,6 +41,7 @@ app = App(
 )
 app.default(fit)
 app.command(batch, name="batch", usage="Usage: fit-material batch INPUT ... --out DIR [OPTIONS]")
+app.command(compare, name="compare")
 app.command(render, name="render")
 app.command(models, name="models")
 

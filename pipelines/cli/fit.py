@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipelines.settings import Settings
     from toolkit.records import MaterialReport
 
-COMMANDS = ("batch", "doctor", "export", "light", "models", "plan", "relight", "render", "validate")
+COMMANDS = ("batch", "compare", "doctor", "export", "light", "models", "plan", "relight", "render", "validate")
 FAILED, USAGE, PARTLY_FAILED, LOW_QUALITY = 1, 2, 4, 5
 LOW = frozenset(  # what --strict refuses; the other flags tell what no better photograph of the kind would change
     {
