@@ -16,7 +16,7 @@ from toolkit.geometry.lights import AnyLight
 from toolkit.records import Camera, Metadata, Noise, Projection, Sphere
 
 DEFAULT_MODELS = ("torrance-sparrow", "phong", "blinn-phong", "beckmann", "ggx")
-DEFAULT_SPHERE_SD_PX = 0.1  # how well a given centre and radius are known where nothing is said
+DEFAULT_SPHERE_SD_PX = 0.5  # how well a given centre and radius are known where nothing is said
 FULL_FRAME_DIAGONAL_MM = 43.27  # 24 mm x 36 mm: what "35 mm equivalent" refers to (CIPA DC-008)
 
 

@@ -28,7 +28,9 @@ class Flag(StrEnum):
     MATTE_LINE_BENT = "matte_line_bent"
     NOT_IDENTIFIED = "not_identified"
     NEAR_BOUND = "near_bound"
+    CALIBRATION_DOUBTED = "calibration_doubted"
     POOR_FIT = "poor_fit"
+    STRUCTURED_RESIDUALS = "structured_residuals"
     NO_SPECULAR = "no_specular"
     NOT_CONVERGED = "not_converged"
     CHAIN_TOO_SHORT = "chain_too_short"
@@ -49,7 +51,9 @@ MEANING: dict[Flag, str] = {
     Flag.MATTE_LINE_BENT: "dim and bright pixels disagree on the body colour: not linear, or highlight over everything",
     Flag.NOT_IDENTIFIED: "this photograph does not determine the parameter",
     Flag.NEAR_BOUND: "the parameter lies at a bound of what is allowed",
+    Flag.CALIBRATION_DOUBTED: "the photograph contradicts what was said of light, sphere or black level",
     Flag.POOR_FIT: "the model leaves residuals far above the noise",
+    Flag.STRUCTURED_RESIDUALS: "what the model leaves is not noise: light, shape or surface are not quite as supposed",
     Flag.NO_SPECULAR: "no highlight stands out from the noise",
     Flag.NOT_CONVERGED: "the optimiser stopped before it converged",
     Flag.CHAIN_TOO_SHORT: "the chain is shorter than 50 autocorrelation times",

@@ -14,6 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pipelines.settings import DEFAULT_SPHERE_SD_PX
+from toolkit.inference.cells import DIRECTION_SD_DEG
 from toolkit.reflectance import LOBES
 
 Preset = Literal["quick", "standard", "full"]
@@ -109,7 +111,9 @@ def fingerprint(trials: Sequence[Trial]) -> str:
 
 
 def _broken(ball: Trial, number: int, name: str, amount: float) -> Trial:
-    values = asdict(ball) | {"number": number, "broken": name, "amount": amount}
+    """The ball with an assumption broken; its user says nothing of how well light and sphere are known."""
+    unsaid = {"light_sd_deg": DIRECTION_SD_DEG, "place_sd_px": DEFAULT_SPHERE_SD_PX}
+    values = asdict(ball) | {"number": number, "broken": name, "amount": amount, "scene": {**ball.scene, **unsaid}}
     return Trial(**values)
 
 

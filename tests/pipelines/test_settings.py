@@ -228,13 +228,13 @@ def test_a_model_may_name_its_variant() -> None:
 
 
 def test_a_given_sphere_has_default_sds() -> None:
-    """0.1 px where nothing is said, else what is said; none given: to be detected."""
+    """0.5 px where nothing is said, else what is said; none given: to be detected."""
     sphere = sphere_of(settings(BALL))
     assert sphere is not None
-    np.testing.assert_allclose(np.sqrt(np.diag(sphere.covariance_px2)), [0.1, 0.1, 0.1])
-    sphere = sphere_of(settings(BALL, assignment("sphere.radius_sd_px=0.5")))
+    np.testing.assert_allclose(np.sqrt(np.diag(sphere.covariance_px2)), [0.5, 0.5, 0.5])
+    sphere = sphere_of(settings(BALL, assignment("sphere.radius_sd_px=0.1")))
     assert sphere is not None
-    np.testing.assert_allclose(np.sqrt(np.diag(sphere.covariance_px2)), [0.1, 0.1, 0.5])
+    np.testing.assert_allclose(np.sqrt(np.diag(sphere.covariance_px2)), [0.5, 0.5, 0.1])
     assert sphere_of(settings({})) is None
 
 

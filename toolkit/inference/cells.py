@@ -26,7 +26,7 @@ SHARPNESS = 1 / 8  # width of a cell over the angle to the highlight's centre
 MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncertain to be of use
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline
-DIRECTION_SD_DEG = 0.3  # of a light whose error was not stated
+DIRECTION_SD_DEG = 1.0  # of a light whose error was not stated
 WARY_SDS = 3.0  # of the calibration, by which limb and terminator may lie elsewhere
 
 SIDE_X = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]  # the nodes' places about a cell's centre, in spreads

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from toolkit.flags import Flag
 from toolkit.records import Fit, Floats, LinearImage, Scene
 
 from .blocks import blocks_of, by_block
@@ -16,8 +17,9 @@ from .estimates import estimates_of, flags_of, named_draws
 from .fit import Optimum, pose
 from .model import Model
 from .normal import inverse
-from .nuisances import Shifts, fit_with_shifts, shifted, shifts_of
+from .nuisances import Shifts, doubted, fit_with_shifts, shifted, shifts_of
 from .posterior import CHAINS, Progress, sample
+from .structure import LEAST_P, structure_p
 
 
 def infer(
@@ -56,7 +58,9 @@ def infer(
         variant=dict(model.variant),
         diffuse=model.diffuse.name,
         status=optimum.status,
-        flags=flags_of(optimum, estimates, draws, (chi2_reduced, residual)),
+        flags=flags_of(optimum, estimates, draws, (chi2_reduced, residual))
+        + ((Flag.CALIBRATION_DOUBTED,) if doubted(optimum, shifts, total) else ())
+        + ((Flag.STRUCTURED_RESIDUALS,) if structure_p(optimum) < LEAST_P else ()),
         shape={name: float(at_mode[name]) for name in names},
         colours=colours,
         chi2_reduced=chi2_reduced,

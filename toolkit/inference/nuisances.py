@@ -24,6 +24,7 @@ RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above roundi
 ROUNDS = 20
 SETTLED_SD = 0.1  # posterior sds of the last move: its own error is of second order in it
 SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
+DOUBTED_SDS = 4.0  # of its prior, by which a shift says that the calibration was wrong
 MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
 SETTLED_PRIOR_SD = 0.02  # or prior sds, where a wrong model makes the posterior absurdly narrow
 
@@ -73,6 +74,14 @@ def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
         found.append((group, name, float(np.sqrt(max(covariance[j, j], 0.0)))))
     free = [(name, sd) for group, name, sd in found if group not in fixed and "all" not in fixed and sd > 0]
     return Shifts(names=tuple(name for name, _ in free), sd=np.array([sd for _, sd in free]))
+
+
+def doubted(optimum: Optimum, shifts: Shifts, total: Floats) -> bool:
+    """Whether the photograph contradicts its calibration: a shift or a pedestal far outside its prior."""
+    prior = optimum.problem.prior
+    pedestal = np.array([name == "pedestal" for name, _ in optimum.problem.layout.names])
+    pedestals = optimum.x[: len(pedestal)][pedestal] * np.sqrt(np.diag(prior.precision)[: len(pedestal)][pedestal])
+    return bool(max(np.abs(pedestals).max(initial=0.0), np.abs(total / shifts.sd).max(initial=0.0)) > DOUBTED_SDS)
 
 
 def prior_precision(scene: Scene, shifts: Shifts) -> Floats:
