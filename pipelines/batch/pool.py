@@ -4,7 +4,9 @@ y_i = mean + u_i + e_i, with the scatter between photographs u_i ~ N(0, scatter^
 e_i ~ N(0, sd_i^2). Scatter by restricted maximum likelihood (Viechtbauer 2005, J. Educ. Behav. Stat. 30, eq. 6 and 15),
 the moment estimate of DerSimonian & Laird (1986, Control. Clin. Trials 7) beside it; the scatter's interval by
 Q-profile (Viechtbauer 2007, Stat. Med. 26); the mean's interval after Hartung & Knapp (2001, Stat. Med. 20), never
-narrower than without it (Roever, Knapp & Friede 2015, BMC Med. Res. Methodol. 15).
+narrower than without it (Roever, Knapp & Friede 2015, BMC Med. Res. Methodol. 15). Where a further photograph would
+lie comes from the scatter's confidence distribution (Nagashima, Noma & Furukawa 2019, Stat. Methods Med. Res. 28): the
+plain interval around the estimated scatter held 86 % of what it promised to hold 95 % of, for ten photographs.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from toolkit.records import Floats
 
 STEPS = 200
+DRAWS = 20_000
 LEVEL = 0.95
 
 
@@ -25,7 +28,7 @@ class Pooled:
     """One parameter over several photographs, in the parameter's unit; intervals are of 95 %.
 
     `scatter` is the sd between photographs beyond each one's own, `expect` where a further photograph's true value
-    would lie (Higgins, Thompson & Spiegelhalter 2009), `i2` the share of the variance seen that is scatter
+    would lie, `i2` the share of the variance seen that is scatter
     (Higgins & Thompson 2002), `q_p` the chance of as much disagreement without any.
     """
 
@@ -63,7 +66,7 @@ def pooled(values: Floats, sds: Floats) -> Pooled:
     spread = max(1.0, float(np.sum(weight * (y - mean) ** 2)) / (k - 1))
     sd = math.sqrt(spread / weight.sum())
     half = float(t.ppf((1 + LEVEL) / 2, k - 1)) * sd
-    reach = float(t.ppf((1 + LEVEL) / 2, k - 2)) * math.sqrt(between + sd**2) if k > 2 else None
+    expect = further(y, variance) if k > 2 else (None, None)
     q = cochran_q(y, variance, 0.0)
     scatter_low, scatter_high = scatter_interval(y, variance)
     return Pooled(
@@ -77,8 +80,8 @@ def pooled(values: Floats, sds: Floats) -> Pooled:
         scatter_low=scatter_low,
         scatter_high=scatter_high,
         scatter_moments=math.sqrt(moments(y, variance)),
-        expect_low=None if reach is None else mean - reach,
-        expect_high=None if reach is None else mean + reach,
+        expect_low=expect[0],
+        expect_high=expect[1],
         i2=between / (between + _typical_variance(variance)),
         q=q,
         q_p=float(chi2.sf(q, k - 1)),
@@ -153,6 +156,27 @@ def scatter_interval(y: Floats, variance: Floats) -> tuple[float, float]:
 
     dof = len(y) - 1
     return end(float(chi2.ppf((1 + LEVEL) / 2, dof))), end(float(chi2.ppf((1 - LEVEL) / 2, dof)))
+
+
+def further(y: Floats, variance: Floats) -> tuple[float, float]:
+    """Where 95 % of further photographs' true values lie: Nagashima et al. 2019, eq. 9 to 11, with fixed draws.
+
+    A scatter is drawn so that Q at it follows chi-square of k - 1, then a mean around its estimate there by Student's
+    t with Hartung and Knapp's variance, then a value around that mean.
+    """
+    k = len(y)
+    top = max(float(np.var(y, ddof=1)), float(variance.max()))
+    grid = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, STEPS) * top])
+    weight = 1 / (variance + grid[:, None])
+    mean = (weight * y).sum(axis=1) / weight.sum(axis=1)
+    q = (weight * (y - mean[:, None]) ** 2).sum(axis=1)
+    sd = np.sqrt(np.maximum(q / (k - 1), 1.0) / weight.sum(axis=1))
+    rng = np.random.default_rng(0)
+    between = np.interp(rng.chisquare(k - 1, DRAWS), q[::-1], grid[::-1])
+    centre = np.interp(between, grid, mean) + rng.standard_t(k - 1, DRAWS) * np.interp(between, grid, sd)
+    drawn = centre + np.sqrt(between) * rng.standard_normal(DRAWS)
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(low), float(high)
 
 
 def _typical_variance(variance: Floats) -> float:

@@ -1,0 +1,180 @@
+"""Whoever does the work: a worker that dies is named, the innocent run again, the guilty fails alone."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import toolkit
+from pipelines.batch.crew import Crew, crew, loky_processes
+from toolkit.errors import FitMaterialError, UsageError
+
+from . import fake, shoots
+from .cut import CREWS, lines
+
+LOKY = Crew(workers=2, engage=loky_processes)
+
+
+@pytest.mark.parametrize("name", ["loky", "forks"])
+def test_a_photograph_that_kills_its_worker_fails_and_no_other(tmp_path: Path, plan: Path, name: str) -> None:
+    """It is named with the signal where the executor tells it; its neighbours run again and are done."""
+    source, out, notes = shoots.shoot(tmp_path / "shoot", 8), tmp_path / "out", []
+    (plan / "die-ball004.dng").touch()
+    ending = shoots.run(source, out, CREWS[name], notes=notes)
+    assert ending.counts == {"done": 7, "failed": 1}
+    guilty = next(outcome for outcome in ending.outcomes if outcome.status == "failed")
+    assert ending.items[guilty.number].photograph.path.name == "ball004.dng"
+    assert "its worker died" in guilty.error
+    assert any("ball004.dng" in note and "again, alone" in note for note in notes)
+    assert name == "forks" or "SIGKILL" in guilty.error
+    begun = Counter(line for line in lines(plan) if line.startswith("begin "))
+    assert begun["begin ball004.dng"] == 2
+    assert max(begun.values()) == 2
+    (plan / "die-ball004.dng").unlink()
+    assert shoots.run(source, out, resume=True).counts == {"kept": 7, "done": 1}
+
+
+def test_workers_that_die_at_once_end_the_batch(tmp_path: Path) -> None:
+    """A batch that can never begin does not try for ever."""
+
+    @contextmanager
+    def doomed(workers: int) -> Iterator[object]:
+        from loky import ProcessPoolExecutor
+
+        with ProcessPoolExecutor(max_workers=1, initializer=os._exit, initargs=(1,)) as pool:
+            yield pool
+
+    source = shoots.shoot(tmp_path / "shoot", 2)
+    with pytest.raises(FitMaterialError, match="die before they begin"):
+        shoots.run(source, tmp_path / "out", Crew(workers=1, engage=doomed))  # type: ignore[arg-type]  # an executor
+
+
+def threads() -> tuple[str | None, int]:
+    """What a worker has of threads."""
+    import cv2
+    import threadpoolctl
+
+    cv2.setNumThreads(1)
+    return os.environ.get("OMP_NUM_THREADS"), max(
+        (p["num_threads"] for p in threadpoolctl.threadpool_info()), default=1
+    )
+
+
+def test_workers_have_one_thread_each() -> None:
+    """Two workers on two cores: no more threads than cores."""
+    with loky_processes(1) as pool:
+        assert pool.submit(threads).result() == ("1", 1)
+
+
+def test_workers_end_with_their_parent(tmp_path: Path) -> None:
+    """A parent killed outright leaves no worker behind that could still write."""
+    code = (
+        "import time; from pipelines.batch.crew import loky_processes; import os\n"
+        "with loky_processes(1) as pool:\n"
+        "    print(pool.submit(os.getpid).result(), flush=True); pool.submit(time.sleep, 60).result()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        parent.kill()
+    for _ in range(200):
+        if not alive(worker):
+            break
+        time.sleep(0.05)
+    assert not alive(worker)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_executors_that_do_not_exist_are_refused() -> None:
+    """Another name, a port without a scheduler."""
+    for name in ("ray", "dask://", "dask://host", "dask://host:x", "dask://a/b:1"):
+        with pytest.raises(UsageError, match="expected loky or dask"):
+            crew(name, jobs=None, version="1")
+
+
+@contextmanager
+def cluster(folder: Path, plan: Path, *, threads_each: int = 1) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
+    """A scheduler and two worker processes on loopback, nothing else listening."""
+    environment = {
+        **os.environ,
+        fake.PLAN: str(plan),
+        "DASK_DISTRIBUTED__WORKER__DAEMON": "false",
+        "DASK_TEMPORARY_DIRECTORY": str(folder),
+    }
+    home = Path(__file__).resolve().parents[2]
+
+    def start(*words: str) -> subprocess.Popen[str]:
+        module = {"scheduler": "dask_scheduler", "worker": "dask_worker"}[words[0]]
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.{module}", *words[1:]],
+            cwd=home,
+            env=environment,
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+        )
+
+    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    workers: list[subprocess.Popen[str]] = []
+    try:
+        assert scheduler.stderr is not None
+        address = next(found[1] for line in scheduler.stderr if (found := re.search(r"tcp://(127\.0\.0\.1:\d+)", line)))
+        plain = ("--nthreads", str(threads_each), "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
+        workers = [start("worker", address, "--host", "127.0.0.1", *plain) for _ in range(2)]
+        yield address, workers
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+            if process.stderr is not None:
+                process.stderr.close()
+
+
+def test_a_cluster_loses_a_worker_and_no_photograph(tmp_path: Path, plan: Path) -> None:
+    """Dask on loopback, one of two workers killed in mid-run: each photograph done once, the bytes those of loky's."""
+    source = shoots.shoot(tmp_path / "shoot", 24, bad=(5,))
+    (plan / "sleep").write_text("0.05")
+    ended: list[int] = []
+    with cluster(tmp_path, plan) as (address, workers):
+        engaged = crew(f"dask://{address}", jobs=None, version=toolkit.__version__)
+
+        def strike(item: object, outcome: object) -> None:
+            ended.append(1)
+            if len(ended) == 6:
+                workers[0].send_signal(signal.SIGKILL)
+
+        ending = shoots.run(source, tmp_path / "dask", engaged, ended=strike, version=toolkit.__version__)
+    assert workers[0].returncode == -signal.SIGKILL
+    assert ending.counts == {"done": 23, "failed": 1}
+    assert len(ended) == 24
+    ends = Counter(line for line in lines(plan) if line.startswith("end "))
+    assert sum(ends.values()) <= 24  # 23, and at most the one that was written but not told of
+    (plan / "sleep").unlink()
+    shoots.run(source, tmp_path / "loky", LOKY, version=toolkit.__version__)
+    assert shoots.digests(tmp_path / "dask") == shoots.digests(tmp_path / "loky")
+
+
+@pytest.mark.slow
+def test_workers_of_several_threads_or_another_version_are_refused(tmp_path: Path, plan: Path) -> None:
+    """Plots and decoders are not made for threads; versions are not mixed."""
+    with cluster(tmp_path, plan, threads_each=2) as (address, _):
+        with pytest.raises(UsageError, match="several threads"):
+            crew(f"dask://{address}", jobs=None, version=toolkit.__version__)
+        with pytest.raises(UsageError, match="expected one version"):
+            crew(f"dask://{address}", jobs=None, version="9.9.9")
