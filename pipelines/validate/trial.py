@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from synthetic.render import Render
+from synthetic.scenes import exposed
 from toolkit.errors import FitMaterialError
+from toolkit.inference.fisher import bound_sds
+from toolkit.inference.fit import pose
+from toolkit.inference.infer import gather_for
+from toolkit.inference.model import Model
+from toolkit.inference.nuisances import shifts_of
 from toolkit.records import Estimate, Fit, Floats, MaterialReport
 
 from .broken import as_asked
@@ -41,7 +47,7 @@ def run_trial(trial: Trial, folder: Path, *, discrepancy: bool = True) -> Line:
     return line | {
         "status": "done",
         "flags": sorted({*report.flags, *fit.flags}),
-        "numbers": list(_compared(fit, truth)),
+        "numbers": list(_compared(fit, truth, {} if trial.broken else _bounds(report, shot, trial, truth))),
         "psnr_db": _psnr_db(report, shot),
         "chi2_reduced": fit.chi2_reduced,
         "seconds": {"render": rendered, **report.seconds},
@@ -61,15 +67,23 @@ def _fitted(path: Path, trial: Trial, *, discrepancy: bool) -> MaterialReport:
     return fit_material(path, resolve(path, flags=[Layer(name="the trial", values={"fit": asked})]))
 
 
-def _compared(fit: Fit, truth: Mapping[str, Any]) -> Iterator[Line]:
+def _bounds(report: MaterialReport, shot: Shot, trial: Trial, truth: Mapping[str, Any]) -> dict[str, Floats]:
+    """The Cramer-Rao bound of each number of the truth, in the true scene with the calibration's stated errors."""
+    scene = exposed(shot.scene, shot.exposure)
+    model = Model.named(trial.model, trial.diffuse)
+    problem = pose(model, scene, gather_for(report.image, scene), report.image.noise)
+    return bound_sds(problem, {name: np.atleast_1d(value) for name, value in truth.items()}, shifts_of(scene))
+
+
+def _compared(fit: Fit, truth: Mapping[str, Any], bounds: Mapping[str, Floats]) -> Iterator[Line]:
     """Each number of the truth beside its posterior."""
     estimates = {e.name: e for e in fit.parameters if e.estimate is not None}
     for name, true in truth.items():
         if name in estimates and not (name == "specular_strength" and "specular_f0" in truth):
-            yield from _numbers(name, np.atleast_1d(true), estimates[name], fit.draws[name])
+            yield from _numbers(name, np.atleast_1d(true), estimates[name], fit.draws[name], bounds.get(name))
 
 
-def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats) -> Iterator[Line]:
+def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats, bound: Floats | None) -> Iterator[Line]:
     mean, sd = np.atleast_1d(estimate.estimate), np.atleast_1d(estimate.sd)  # type: ignore[arg-type]  # not None here
     flat = draws.reshape(-1, len(truth))
     low, high = np.percentile(flat, [2.5, 97.5], axis=0)
@@ -81,6 +95,7 @@ def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats) -> Ite
             "mean": float(mean[c]),
             "sd": float(sd[c]),
             "rank": float((np.count_nonzero(flat[:, c] < true) + 0.5) / (len(flat) + 1.0)),
+            "bound_sd": None if bound is None else float(bound[c]),
             "interval_95": [float(low[c]), float(high[c])],
         }
 

@@ -156,7 +156,7 @@ def refine(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
     here = _descend(problem, u, weights)
     for _ in range(ROUNDS):
         predicted = problem.predict(problem.columns(here.u), here.x)
-        before, here = here, _descend(problem, here.u, _weights(problem, predicted))
+        before, here = here, _descend(problem, here.u, weights_at(problem, predicted))
         if len(here.u) == 0 or np.all(np.abs(here.u - before.u) <= STANDS_SD * _shape_sd(here.joint, problem)):
             break
     return here
@@ -206,10 +206,10 @@ def _shape_sd(joint: Floats, problem: Problem) -> Floats:
 
 def _provisional(problem: Problem) -> Weighing:
     """Weights before there is a prediction; clipped cells wait until there is one."""
-    return _weights(problem, tuple(data.value for data in problem.cells.channels))
+    return weights_at(problem, tuple(data.value for data in problem.cells.channels))
 
 
-def _weights(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
+def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
     """One over the variance of each cell's mean at the predicted radiance; none where a clipped one is reached."""
     weights = tuple(
         np.where(data.censored & (signal >= data.value), 0.0, data.count / problem.noise.variance(signal, c))
