@@ -39,13 +39,30 @@ def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDA
     return np.asarray(squared + ((y_px - sphere.centre_px[1]) / sphere.radius_px) ** 2 < 1.0)
 
 
+def sight_offset(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Floats:
+    """How far from the sphere's centre each line of sight passes, in sphere radii: below 1 it meets the sphere.
+
+    There n.v = sqrt(1 - offset^2). Over a pixel it changes by at most 1 / (radius_px cos(angular radius)).
+    """
+    if camera.projection == "orthographic":
+        return np.asarray(np.hypot(x_px - sphere.centre_px[0], y_px - sphere.centre_px[1]) / sphere.radius_px)
+    centre = centre_position(camera, sphere)
+    along = _rays(camera, np.asarray(x_px, float), np.asarray(y_px, float)) @ centre
+    return np.asarray(np.sqrt(np.maximum(centre @ centre - along * along, 0.0)))
+
+
 def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
     nx = (x - sphere.centre_px[0]) / sphere.radius_px
     ny = -(y - sphere.centre_px[1]) / sphere.radius_px
     r2 = nx * nx + ny * ny
     shrink = 1.0 / np.sqrt(np.maximum(r2, 1.0))
-    normal = np.stack([nx * shrink, ny * shrink, np.sqrt(np.maximum(1.0 - r2, 0.0))], axis=-1)
+    normal = _vectors(nx * shrink, ny * shrink, np.sqrt(np.maximum(1.0 - r2, 0.0)))
     return Surface(normal=normal, view=np.broadcast_to((0.0, 0.0, 1.0), normal.shape), on_sphere=r2 < 1.0)
+
+
+def _vectors(x: Floats, y: Floats, z: Floats) -> Floats:
+    """Vectors (..., 3) of three components, each of which lies together in memory: what follows takes them apart."""
+    return np.moveaxis(np.stack([x, y, z]), 0, -1)
 
 
 def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surface:

@@ -12,14 +12,14 @@ Cost: one pass over the samples, whatever the number of lights.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import SampleFlag
-from toolkit.geometry.sphere import surface
-from toolkit.records import Floats, Light, LinearImage, Plane, Scene, readonly
+from toolkit.geometry.sphere import sight_offset, surface
+from toolkit.records import Floats, Light, LinearImage, Scene, readonly
+
+from .pyramid import Grid, Level, Mask, Rows, grid_of, pyramid
 
 SMOOTH_RAD = 0.08  # widest cell, as the angle its normals span
 SHARPNESS = 1 / 8  # width of a cell over the angle to the highlight's centre
@@ -27,10 +27,12 @@ MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncerta
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline
 DIRECTION_SD_DEG = 1.0  # of a light whose error was not stated
+STEEPEST = 10.0  # of n.l over a step across the image, in radii, between a usable sample and its block's centre
 WARY_SDS = 3.0  # of the calibration, by which limb and terminator may lie elsewhere
 
 SIDE_X = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]  # the nodes' places about a cell's centre, in spreads
 SIDE_Y = np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
+HALVES_X, HALVES_Y = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])  # of a block, its four quarters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,160 +91,109 @@ class Cells:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Grid:
-    """The image's samples as one grid of pixels or quads: per channel the mean value, and whether any is flagged."""
-
-    value: Floats  # (3, h, w)
-    bad: NDArray[np.bool_]  # (3, h, w)
-    clipped: NDArray[np.bool_]  # (3, h, w), of the bad ones those that are so only by being clipped
-    samples: tuple[int, int, int]  # of each channel in one pixel or quad
-    first: tuple[Floats, Floats, Floats]  # per channel, mean place x, y about the centre, and mean of x y
-    origin_px: tuple[float, float]
-    step_px: int
-
-
 def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cells:
     """Gather the usable samples of a photograph of `scene` into cells.
 
     `finest_rad` is the smallest angular scale of a lobe that the cells must resolve. Samples that are flagged, in
     shadow or at the limb take no part; clipped ones are cells of their own, which only say "at least so much".
     """
-    grid = _grid(image.planes)
-    levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / grid.step_px, 1.0))), 0)
-    sums, spoiled = _pyramid(grid, levels)
-    grid_clipped = _padded(grid.clipped, levels, fill=False)
-    open_blocks = np.ones(sums[levels].shape[1:], bool)
-    x, y, size, means, good, censored = [], [], [], [], [], []
-    for level in range(levels, -1, -1):
-        row, column = np.nonzero(open_blocks)
-        side = 2**level
-        bx = grid.origin_px[0] + grid.step_px * (column * side + (side - 1) / 2)
-        by = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
-        allowed, usable, hopeless = _allowed_px(scene, bx, by, side * grid.step_px, finest_rad)
-        bad = spoiled[level][:, row, column]
-        keep = usable if level == 0 else usable & (side * grid.step_px <= allowed) & ~bad.any(axis=0)
-        x.append(bx[keep])
-        y.append(by[keep])
-        size.append(np.full(int(keep.sum()), float(side)))
-        means.append(sums[level][:, row[keep], column[keep]] / side**2)
-        bound = grid_clipped[:, row, column] if level == 0 else np.zeros(bad.shape, bool)
-        good.append(~bad[:, keep] | bound[:, keep])
-        censored.append(bound[:, keep])
-        if level:
-            divide = ~keep & ~hopeless
-            open_blocks = np.zeros(open_blocks.shape, bool)
-            open_blocks[row[divide], column[divide]] = True
-            open_blocks = open_blocks.repeat(2, axis=0).repeat(2, axis=1)
-    return _cells(grid, *(np.concatenate(part, axis=-1) for part in (x, y, size, means, good, censored)))
+    step = image.planes[0].step_px
+    levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
+    grid = grid_of(image.planes, levels)
+    row, column = (index.ravel() for index in np.indices([n // 2**levels for n in grid.value.shape[1:]]))
+    found = []
+    for level in reversed(pyramid(grid, levels)):
+        cells, row, column = _cells_of(grid, level, scene, row, column, finest_rad)
+        found.append(cells)
+        row, column = (2 * row[:, None] + HALVES_Y).ravel(), (2 * column[:, None] + HALVES_X).ravel()
+    return _cells(grid, *(np.concatenate(part, axis=-1) for part in zip(*found, strict=True)))
 
 
-def _cells(
-    grid: _Grid,
-    x: Floats,
-    y: Floats,
-    size: Floats,
-    means: Floats,
-    good: NDArray[np.bool_],
-    censored: NDArray[np.bool_],
-) -> Cells:
+_Found = tuple[Floats, Floats, Floats, Floats, Mask, Mask]  # place x, y, side, means, good, censored
+
+
+def _cells_of(
+    grid: Grid, level: Level, scene: Scene, row: Rows, column: Rows, finest_rad: float
+) -> tuple[_Found, Rows, Rows]:
+    """Of some blocks those that are cells, and rows and columns of those that are worth dividing."""
+    side, last, width = level.side, level.side == 1, level.side * grid.step_px
+    x = grid.origin_px[0] + grid.step_px * (column * side + (side - 1) / 2)
+    y = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
+    aside, furthest = sight_offset(scene.camera, scene.sphere, x, y), _furthest(scene)
+    across = 0.0 if last else width / scene.sphere.radius_px  # of a block's half diagonal: no more, at any focal length
+    near = np.flatnonzero(aside < furthest + across)
+    x, y, row, column, aside = x[near], y[near], row[near], column[near], aside[near]
+    lit, allowed = _light_on(scene, x, y, finest_rad, last=last)
+    bad = level.spoiled(row, column)
+    keep = (aside < furthest) & (lit > 0.0)
+    if not last:
+        keep &= (width <= allowed) & ~bad.any(axis=0)
+    here, divided = np.flatnonzero(keep), np.flatnonzero(~keep & (lit > -STEEPEST * across))
+    bound = np.zeros((3, len(here)), bool)
+    if last and grid.clipped is not None:
+        bound = grid.clipped[:, row[here], column[here]]
+    means = level.means(row[here], column[here])
+    found = x[here], y[here], np.full(len(here), float(side)), means, ~bad[:, here] | bound, bound
+    return found, row[divided], column[divided]
+
+
+def _cells(grid: Grid, x: Floats, y: Floats, size: Floats, means: Floats, good: Mask, censored: Mask) -> Cells:
     within = ((grid.step_px - 1) / 2) ** 2  # second moment of a channel's samples about the quad's centre
     spread = np.sqrt((grid.step_px**2 * (size**2 - 1) + 1.0) / 12.0 + within)
-    channels = []
-    for c in range(3):
-        rows = np.flatnonzero(good[c])
-        sx, sy, sxy = grid.first[c]
-        s = spread[rows]
-        weights = 0.25 * (1.0 + SIDE_X * sx / s + SIDE_Y * sy / s + SIDE_X * SIDE_Y * sxy / s**2)
-        count = grid.samples[c] * size[rows] ** 2
-        channels.append(
-            ChannelCells(
-                rows=rows,
-                value=means[c, rows].astype(float),
-                count=count,
-                weights=weights,
-                censored=censored[c, rows],
-            )
+    everywhere = np.arange(len(x))
+    rows = [everywhere if good[c].all() else np.flatnonzero(good[c]) for c in range(3)]
+    channels = [
+        ChannelCells(
+            rows=rows[c],
+            value=means[c, rows[c]].astype(float),
+            count=grid.samples[c] * size[rows[c]] ** 2,
+            weights=_node_weights(grid.first[c], spread[rows[c]]),
+            censored=censored[c, rows[c]],
         )
+        for c in range(3)
+    ]
     return Cells(x_px=x, y_px=y, spread_px=spread, channels=(channels[0], channels[1], channels[2]))
 
 
-def _grid(planes: tuple[Plane, ...]) -> _Grid:
-    """One grid of all planes: an RGB image's pixels, or a mosaic's quads."""
-    height = min(plane.values.shape[0] for plane in planes)
-    width = min(plane.values.shape[1] for plane in planes)
-    step = planes[0].step_px
-    corner = np.min([plane.origin_px for plane in planes], axis=0)
-    centre = corner + (step - 1) / 2
-    value = np.zeros((3, height, width), np.float32)
-    bad, clipped = np.zeros((3, height, width), bool), np.zeros((3, height, width), bool)
-    invalid, samples, first = np.zeros((3, height, width), bool), [], []
-    for c in range(3):
-        mine = [plane for plane in planes if plane.channel == c]
-        for plane in mine:
-            flags = plane.flags[:height, :width]
-            value[c] += plane.values[:height, :width] / np.float32(len(mine))
-            bad[c] |= flags != 0
-            clipped[c] |= (flags & SampleFlag.CLIPPED) > 0
-            invalid[c] |= (flags & SampleFlag.INVALID) > 0
-        x, y = (np.array([plane.origin_px for plane in mine]) - centre).T
-        samples.append(len(mine))
-        first.append(np.array([x.mean(), y.mean(), (x * y).mean()]))
-    return _Grid(
-        value=value,
-        bad=bad,
-        clipped=clipped & ~invalid,
-        samples=(samples[0], samples[1], samples[2]),
-        first=(first[0], first[1], first[2]),
-        origin_px=(float(centre[0]), float(centre[1])),
-        step_px=step,
+def _node_weights(first: Floats, spread: Floats) -> Floats:
+    """Of the four nodes (4, n), so that they share a channel's mean place and mean product of places."""
+    if not first.any():
+        return np.broadcast_to(0.25, (4, len(spread)))
+    sx, sy, sxy = (float(moment) for moment in first)
+    return np.asarray(
+        0.25 * (1.0 + SIDE_X * (sx / spread) + SIDE_Y * (sy / spread) + SIDE_X * SIDE_Y * (sxy / spread**2))
     )
 
 
-def _pyramid(grid: _Grid, levels: int) -> tuple[list[Floats], list[NDArray[np.bool_]]]:
-    """Sums of 1, 2 x 2, 4 x 4 ... pixels (3, h, w), and whether any of them is flagged; padded by flagged ones."""
-    total: Floats = _padded(grid.value, levels, fill=0.0)
-    bad = _padded(grid.bad, levels, fill=True)
-    sums, spoiled = [total], [bad]
-    for _ in range(levels):
-        total = total[:, ::2] + total[:, 1::2]
-        total = total[..., ::2] + total[..., 1::2]
-        bad = bad[:, ::2] | bad[:, 1::2]
-        bad = bad[..., ::2] | bad[..., 1::2]
-        sums.append(total)
-        spoiled.append(bad)
-    return sums, spoiled
+def _furthest(scene: Scene) -> float:
+    """How far from the sphere's centre, in radii, lines of sight of usable samples pass."""
+    rim = 1.0 - (LIMB_MARGIN_PX + WARY_SDS * _place_sd_px(scene)) / scene.sphere.radius_px
+    return float(min(rim, np.sqrt(1.0 - MIN_N_DOT_V**2)))
 
 
-def _padded(table: NDArray[Any], levels: int, *, fill: float) -> NDArray[Any]:
-    """The table (3, h, w) with sides that the coarsest blocks fill."""
-    block, (height, width) = 2**levels, table.shape[1:]
-    return np.pad(table, ((0, 0), (0, -height % block), (0, -width % block)), constant_values=fill)
+def _light_on(scene: Scene, x: Floats, y: Floats, finest_rad: float, *, last: bool) -> tuple[Floats, Floats]:
+    """At each place the largest n.l by which it is safely lit, and the widest cell allowed there in pixels.
 
-
-def _allowed_px(
-    scene: Scene, x: Floats, y: Floats, width_px: float, finest_rad: float
-) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Widest cell allowed at each place, whether samples there are usable, and whether none in the block can be."""
-    seen = surface(scene.camera, scene.sphere, x, y)
-    n_dot_v = np.einsum("ni,ni->n", seen.normal, seen.view)
+    Of the `last` level, which is not divided any more, the width is not asked for.
+    """
+    seen, radius = surface(scene.camera, scene.sphere, x, y), scene.sphere.radius_px
+    n_dot_v = _dot(seen.normal, seen.view)
     width_rad = np.full(len(x), SMOOTH_RAD)
-    lit, place_px, radius = np.full(len(x), -1.0), _place_sd_px(scene), scene.sphere.radius_px
+    lit = np.full(len(x), -1.0)
     for light in scene.lights:
         towards, _ = light.at(seen.normal)
-        half = towards + seen.view
-        half /= np.linalg.norm(half, axis=-1, keepdims=True)
-        theta = np.arccos(np.clip(np.einsum("ni,ni->n", seen.normal, half), -1.0, 1.0))
-        width_rad = np.minimum(width_rad, SHARPNESS * np.maximum(theta, finest_rad))
-        dark = max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + place_px / radius))
-        lit = np.maximum(lit, np.einsum("ni,ni->n", seen.normal, towards) - dark)
-    rim = (1.0 - np.sqrt(np.maximum(1.0 - n_dot_v**2, 0.0))) * radius  # px inside the outline
-    usable = seen.on_sphere & (n_dot_v > MIN_N_DOT_V) & (rim > LIMB_MARGIN_PX + WARY_SDS * place_px) & (lit > 0.0)
-    beyond = np.hypot(x - scene.sphere.centre_px[0], y - scene.sphere.centre_px[1]) - radius
-    slack = width_px / radius
-    ellipse = 0.0 if scene.camera.projection == "orthographic" else 0.3 * radius  # how far an outline may bulge
-    hopeless = ((beyond > width_px + ellipse) & ~seen.on_sphere) | (lit < -0.05 - MIN_N_DOT_L - 4 * slack)
-    return radius * n_dot_v * width_rad, usable, hopeless
+        n_dot_l = _dot(seen.normal, towards)
+        dark = max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + _place_sd_px(scene) / radius))
+        lit = np.maximum(lit, n_dot_l - dark)
+        if not last:
+            both = np.sqrt(np.maximum(2.0 + 2.0 * _dot(towards, seen.view), 1e-12))
+            theta = np.arccos(np.clip((n_dot_l + n_dot_v) / both, -1.0, 1.0))
+            width_rad = np.minimum(width_rad, SHARPNESS * np.maximum(theta, finest_rad))
+    return lit, radius * n_dot_v * width_rad
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
 
 
 def _place_sd_px(scene: Scene) -> float:

@@ -37,7 +37,7 @@ class Cosines:
         across = _sum_of_squares(
             n[1] * both[2] - n[2] * both[1], n[2] * both[0] - n[0] * both[2], n[0] * both[1] - n[1] * both[0]
         )
-        shape = np.broadcast_shapes(n_l.shape, n_v.shape, l_v.shape)
+        shape = np.broadcast_shapes(normal.shape, light.shape, view.shape)[:-1]
         return cls(
             n_dot_l=np.maximum(np.broadcast_to(n_l, shape), 0.0),
             n_dot_v=np.maximum(np.broadcast_to(n_v, shape), 0.0),
@@ -51,15 +51,15 @@ class Cosines:
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Scalar products along the last axis; a single vector goes through the faster matrix product."""
-    if b.ndim == 1:
-        return np.asarray(a @ b)
-    if a.ndim == 1:
-        return np.asarray(b @ a)
-    return np.asarray(np.einsum("...i,...i->...", a, b))
+    """Scalar products along the last axis."""
+    p, q = _parts(a), _parts(b)
+    return np.asarray(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
 
 
 def _parts(vectors: Floats) -> tuple[Floats, Floats, Floats]:
+    """Components; of one vector that is repeated everywhere, as of a far light, once only."""
+    if not any(vectors.strides[:-1]):
+        vectors = vectors[(slice(1),) * (vectors.ndim - 1)]
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
