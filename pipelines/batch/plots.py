@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from pipelines.report.numbers import digits
 
-from .materials import Parameter
+from .materials import Member, Parameter
 from .rows import Row
 
 WIDTH, HEIGHT = 640, 400
@@ -104,6 +104,16 @@ def _float(row: Row, name: str) -> float | None:
 
 
 STRIP_HEIGHT = 230
+MOST_LINKED = 200  # photographs of a material that are drawn one by one; beyond, only those far out
+
+
+def _cloud(members: Sequence[tuple[float, Axis, Member]], colour: int) -> Markup:
+    """Many photographs as two paths: their error bars, their estimates."""
+    bars = "".join(f"M{at:.1f} {y.at(m.value - m.sd):.1f}V{y.at(m.value + m.sd):.1f}" for at, y, m in members)
+    dots = "".join(f"M{at:.1f} {y.at(m.value):.1f}h.01" for at, y, m in members)
+    return Markup('<g class="mark c{}"><path class="bar" d="{}"/><path class="dots" d="{}"/></g>').format(
+        colour % COLOURS, bars, dots
+    )
 
 
 def strip_plot(parameter: Parameter, rows: Sequence[Row], colour: int) -> Markup | None:
@@ -125,7 +135,12 @@ def strip_plot(parameter: Parameter, rows: Sequence[Row], colour: int) -> Markup
         parts.append(_band("expect", y.at(found.expect_high), y.at(found.expect_low)))
     parts.append(_band("mean", y.at(found.high), y.at(found.low)))
     parts.append(_line("middle", LEFT, y.at(found.mean), WIDTH - RIGHT, y.at(found.mean)))
+    dense = len(members) > MOST_LINKED
+    if dense:
+        parts.append(_cloud([(x.at(place), y, m) for place, m in enumerate(members)], colour))
     for place, m in enumerate(members):
+        if dense and not m.outlier:
+            continue
         at = x.at(place)
         bar = _line("bar", at, y.at(m.value - m.sd), at, y.at(m.value + m.sd))
         name = rows[m.row].cells["photograph"]
@@ -141,7 +156,7 @@ def strip_plot(parameter: Parameter, rows: Sequence[Row], colour: int) -> Markup
                 bar,
                 at,
                 y.at(m.value),
-                "3.6" if len(members) < 120 else "2",
+                "3" if dense else "3.6",
             )
         )
     parts.append(_text("axis", (LEFT + WIDTH - RIGHT) / 2, STRIP_HEIGHT - 6, "photographs, in order", "middle"))

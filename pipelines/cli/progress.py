@@ -28,7 +28,8 @@ class Watch:
         self.done += 1
         self.made += status != "kept"
         if status == "failed":
-            self.terminal.error(error if error.startswith(name) else f"{name}: {error}")
+            own = name.rpartition("/")[2]  # an error may begin with the file's name, which says less
+            self.terminal.error(f"{name}: {error.removeprefix(f'{own}: ')}")
         else:
             self.terminal.note(f"[{self.done}/{self.total}] {name}: {status}{self.to_go()}")
         self.advance(self.done, name)

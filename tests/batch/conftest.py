@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -9,15 +11,22 @@ import pytest
 from . import fake
 
 
-@pytest.fixture
-def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@contextmanager
+def planned(folder: Path) -> Iterator[Path]:
     """The folder that the fake fits look at, in this process and in its workers; the fit itself is put back."""
     import pipelines.fit_material
     from pipelines.report import write
 
-    folder = tmp_path / "plan"
     folder.mkdir()
-    monkeypatch.setenv(fake.PLAN, str(folder))
-    monkeypatch.setattr("pipelines.fit_material.fit_material", pipelines.fit_material.fit_material)
-    monkeypatch.setattr(write, "_writers", write._writers)
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(fake.PLAN, str(folder))
+        patch.setattr("pipelines.fit_material.fit_material", pipelines.fit_material.fit_material)
+        patch.setattr(write, "_writers", write._writers)
+        yield folder
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Iterator[Path]:
+    """As `planned`, for one test."""
+    with planned(tmp_path / "plan") as folder:
+        yield folder

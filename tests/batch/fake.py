@@ -42,10 +42,13 @@ def fake_fit(path: Path, settings: Settings, *, progress: Any = None, processes:
         time.sleep(float((plan / "sleep").read_text()))
     data = path.read_bytes()
     if data.startswith(b"bad"):
-        raise BadInputError(f"{path.name}: found a bad photograph; expected a good one")
+        told = data.decode("utf-8", "surrogateescape") if b"hostile" in data else "found a bad photograph"
+        raise BadInputError(f"{path.name}: {told}; expected a good one")
     report = varied(whole_report(), int.from_bytes(hashlib.sha256(data).digest()[:4]) / 2**32)
     log(plan, f"end {path.name}")
-    image = replace(report.image, name=path.name, sha256=hashlib.sha256(data).hexdigest())
+    text = data.decode("utf-8", "surrogateescape")
+    metadata = replace(report.image.metadata, make=text, model=text, lens=text)
+    image = replace(report.image, name=path.name, sha256=hashlib.sha256(data).hexdigest(), metadata=metadata)
     return replace(report, image=image, seconds={})
 
 

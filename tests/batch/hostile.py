@@ -1,0 +1,72 @@
+"""Sixty names that want to break out: of a page, of a spreadsheet, of a folder, of a terminal."""
+
+from __future__ import annotations
+
+SCRIPTS = (
+    "<script>window.broken=1</script>",
+    "</script><script>window.broken=1</script>",
+    "<img src=x onerror=window.broken=1>",
+    "<svg onload=window.broken=1>",
+    '"><script>window.broken=1</script>',
+    "'><script>window.broken=1</script>",
+    '" onmouseover="window.broken=1" x="',
+    "' autofocus onfocus='window.broken=1",
+    "javascript:window.broken=1",
+    "<a href=javascript:window.broken=1>x",
+    "<iframe srcdoc='<script>parent.broken=1</script>'>",
+    "<!--<script>window.broken=1",
+    "-->]]><script>window.broken=1</script>",
+    "<style>@import 'http:\\example.invalid'",
+    "<link rel=stylesheet href=http:\\example.invalid>",
+    "<base href=http:\\example.invalid>",
+    "<meta http-equiv=refresh content='0;url=http:\\example.invalid'>",
+    "{{7*7}}",
+    "{% raw %}",
+    "{{ self.__init__.__globals__ }}",
+    "${7*7}",
+    "&lt;script&gt;window.broken=1",
+    "&#60;script&#62;",
+    "%3Cscript%3Ewindow.broken=1",
+    "</title><script>window.broken=1</script>",
+    "</td></tr></table><script>window.broken=1</script>",
+    "</textarea><script>window.broken=1</script>",
+    "url(http:\\example.invalid)",
+    "#p1;background:url(http:\\example.invalid)",
+    "\u2028window.broken=1\u2029",
+)
+FORMULAS = (
+    "=1+1",
+    "=cmd|' C'!A0",
+    "+1+1",
+    "-1+1",
+    "@SUM(A1)",
+    '=HYPERLINK("http:\\example.invalid")',
+    "\t=1+1",
+    "\r=1+1",
+    "\n=1+1",
+    " =1+1",
+    "＝1+1",
+    "＋1",
+    "－1",
+    "＠SUM",
+    '"=1+1',
+    ",=1+1",
+    ";=1+1",
+    "x\r\n=1+1",
+)
+PATHS = (
+    "..",
+    "...",
+    "..\\..\\passwd",
+    "C:\\x",
+    "con",
+    "NUL",
+    "x" * 200,
+    "\N{CJK UNIFIED IDEOGRAPH-7403}" * 70,
+    "-rf",
+    "x\x1b[31m\x07",
+    "\u202egnp",
+    "\udcffx",  # a byte that is no UTF-8, as file systems may hold
+)
+NAMES = (*SCRIPTS, *FORMULAS, *PATHS)
+assert len(set(NAMES)) == 60
