@@ -11,7 +11,7 @@ Cost: one pass over the samples, whatever the number of lights.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,29 @@ class ChannelCells:
     def __post_init__(self) -> None:
         readonly(self)
 
+    def mean(self, nodes: Floats) -> Floats:
+        """Means over the cells (..., n) of what has the values `nodes` (..., 4, N) at the nodes of all places."""
+        if any(self.weights.strides):
+            here = nodes if len(self.rows) == nodes.shape[-1] else nodes[..., self.rows]
+            return np.asarray(np.einsum("kn,...kn->...n", self.weights, here))
+        total = nodes[..., 0, :] + nodes[..., 1, :]
+        total += nodes[..., 2, :]
+        total += nodes[..., 3, :]
+        total *= self.weights.flat[0]
+        return total if len(self.rows) == nodes.shape[-1] else np.asarray(total[..., self.rows])
+
+    @property
+    def sharing(self) -> tuple[int, int]:
+        """The same for channels that are averaged over the same nodes in the same way."""
+        return id(self.rows), id(self.weights) if any(self.weights.strides) else 0
+
     def picked(self, there: NDArray[np.bool_], rows: NDArray[np.intp]) -> ChannelCells:
         """Some of the cells, at new places."""
         return ChannelCells(
             rows=rows,
             value=self.value[there],
             count=self.count[there],
-            weights=self.weights[:, there],
+            weights=self.weights[:, there] if any(self.weights.strides) else self.weights[:, : len(rows)],
             censored=self.censored[there],
         )
 
@@ -80,8 +96,8 @@ class Cells:
         kept = np.arange(0, len(self.x_px), every)
         place = np.full(len(self.x_px), -1)
         place[kept] = np.arange(len(kept))
-        red, green, blue = (
-            data.picked(place[data.rows] >= 0, place[data.rows][place[data.rows] >= 0]) for data in self.channels
+        red, green, blue = self._sharing(
+            [data.picked(place[data.rows] >= 0, place[data.rows][place[data.rows] >= 0]) for data in self.channels]
         )
         return Cells(
             x_px=self.x_px[kept],
@@ -89,6 +105,15 @@ class Cells:
             spread_px=self.spread_px[kept],
             channels=(red, green, blue),
         )
+
+    def _sharing(self, picked: list[ChannelCells]) -> list[ChannelCells]:
+        """Channels that shared their places and weights share those that were picked."""
+        return [
+            replace(data, rows=picked[0].rows, weights=picked[0].weights)
+            if mine.sharing == self.channels[0].sharing
+            else data
+            for mine, data in zip(self.channels, picked, strict=True)
+        ]
 
 
 def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cells:
@@ -140,14 +165,14 @@ def _cells_of(
 def _cells(grid: Grid, x: Floats, y: Floats, size: Floats, means: Floats, good: Mask, censored: Mask) -> Cells:
     within = ((grid.step_px - 1) / 2) ** 2  # second moment of a channel's samples about the quad's centre
     spread = np.sqrt((grid.step_px**2 * (size**2 - 1) + 1.0) / 12.0 + within)
-    everywhere = np.arange(len(x))
+    everywhere, even = np.arange(len(x)), np.broadcast_to(0.25, (4, len(x)))
     rows = [everywhere if good[c].all() else np.flatnonzero(good[c]) for c in range(3)]
     channels = [
         ChannelCells(
             rows=rows[c],
             value=means[c, rows[c]].astype(float),
             count=grid.samples[c] * size[rows[c]] ** 2,
-            weights=_node_weights(grid.first[c], spread[rows[c]]),
+            weights=_node_weights(grid.first[c], spread[rows[c]]) if grid.first[c].any() else even[:, : len(rows[c])],
             censored=censored[c, rows[c]],
         )
         for c in range(3)
@@ -157,8 +182,6 @@ def _cells(grid: Grid, x: Floats, y: Floats, size: Floats, means: Floats, good: 
 
 def _node_weights(first: Floats, spread: Floats) -> Floats:
     """Of the four nodes (4, n), so that they share a channel's mean place and mean product of places."""
-    if not first.any():
-        return np.broadcast_to(0.25, (4, len(spread)))
     sx, sy, sxy = (float(moment) for moment in first)
     return np.asarray(
         0.25 * (1.0 + SIDE_X * (sx / spread) + SIDE_Y * (sy / spread) + SIDE_X * SIDE_Y * (sxy / spread**2))

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from toolkit.records import Floats, Noise, Scene
 
 from .cells import Cells
-from .model import Columns, Fresnel, Lit, Model, columns, fresnel_of, lit_by, names_of
-from .normal import Layout, Normal, Prior, Weighing, assemble, bounded, lay_out, solve, weigh
+from .model import Columns, Fresnel, Lit, Model, columns, columns_of_many, fresnel_of, lit_by, names_of
+from .normal import Layout, Normal, Prior, Sums, Weighing, bounded, combine, equations, lay_out, solve, sums_of, weigh
+
+Evaluated = tuple[Columns, Columns, Columns]
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
 DESCENTS = 3  # how many of them are descended from
@@ -27,7 +29,8 @@ ROUNDS = 4  # of new weights, at most
 STANDS_SD = 0.01  # sds by which new weights may still move the shape
 LONGEST_STEP, LONGEST_SHARE = 0.7, 0.25  # a factor of two in a logarithm; of a range
 SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
-SEARCH_CELLS = 2500  # enough to tell where to begin, few enough to be cheap
+PLAIN = 30.0  # chi-square on a few cells by which one optimum is plainly better than another
+SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 
@@ -51,7 +54,11 @@ class Problem:
 
     def assemble(self, cols: tuple[Columns, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
-        normal = assemble(cols, self.cells, weights, self.layout, self.prior, self.extras, at)
+        return self.combine(sums_of(cols, self.cells, weights), weights, at)
+
+    def combine(self, sums: tuple[Sums, ...], weights: Weighing, at: Floats | None = None) -> Normal:
+        """The normal equations from sums over the cells already taken."""
+        normal = combine(sums, weights, self.layout, self.prior, at)
         if at is not None:
             low, high = self.model.bounds()
             shapes = np.arange(self.layout.size, len(normal.rhs))
@@ -139,46 +146,104 @@ def _prior(
 
 def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
     """The optimum of a problem; `start`, of a neighbouring problem on the same cells, spares the search."""
-    if start is None:
-        return minima(problem)[0]
-    return refine(problem, start.u, weigh(start.weights.weights, problem.extras))
+    if start is not None:
+        return refine(problem, start.u, weigh(start.weights.weights, problem.extras))
+    found = _search(problem)
+    return min((_begin(problem, few) for few in found if few.chi2 < found[0].chi2 + PLAIN), key=lambda o: o.chi2)
 
 
 def minima(problem: Problem) -> list[Optimum]:
     """The distinct optima that a search over the whole box comes to rest at, best first, `MOST_MINIMA` at most."""
-    weights = _provisional(problem)
-    found = [refine(problem, u, weights) for u in _search(problem)]
-    return sorted(found, key=lambda optimum: optimum.chi2)
+    return sorted((_begin(problem, few) for few in _search(problem)), key=lambda optimum: optimum.chi2)
 
 
-def refine(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
-    """Descend from a shape, with new weights from the prediction in turn, until both stand."""
-    here = _descend(problem, u, weights)
+def _begin(problem: Problem, few: Optimum) -> Optimum:
+    """Go on with all cells from an optimum on a few of them, weighed by what it predicts."""
+    cols = problem.columns(few.u, derivatives=True)
+    x = np.concatenate([few.x, problem.prior.centre[len(few.x) :]])
+    return refine(problem, few.u, weights_at(problem, problem.predict(cols, x)), cols)
+
+
+def refine(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Optimum:
+    """Descend from a shape, with new weights from the prediction in turn, until both stand.
+
+    `cols` are the columns there with their derivatives, where they are known already.
+    """
+    here = _descend(problem, u, weights, cols)
     for _ in range(ROUNDS):
-        predicted = problem.predict(problem.columns(here.u), here.x)
-        before, here = here, _descend(problem, here.u, weights_at(problem, predicted))
-        if len(here.u) == 0 or np.all(np.abs(here.u - before.u) <= STANDS_SD * _shape_sd(here.joint, problem)):
+        weights = weights_at(problem, here.predicted)
+        if _alike(weights, here.optimum):
             break
-    return here
+        before, here = here, _descend(problem, here.optimum.u, weights)
+        u = here.optimum.u
+        if len(u) == 0 or np.all(
+            np.abs(u - before.optimum.u) <= STANDS_SD * _shape_sd(here.optimum.joint, problem.layout)
+        ):
+            break
+    return here.optimum
 
 
-def _search(problem: Problem) -> list[Floats]:
-    """Shapes to begin from: where descents from the best of a coarse grid end, on a few of the cells."""
-    if not problem.model.parameters:
-        return [np.zeros(0)]
+def _alike(weights: Weighing, optimum: Optimum) -> bool:
+    """Whether new weights could not move the optimum by more than STANDS_SD.
+
+    By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
+    and by e times the root of the chi-square that is not noise.
+    """
+    change, cells = 0.0, 0
+    for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
+        counted = old > 0.0
+        if np.any((new > 0.0) != counted):
+            return False
+        change += float(np.sum((new[counted] / old[counted] - 1.0) ** 2))
+        cells += int(np.count_nonzero(counted))
+    return float(np.sqrt(change / max(cells, 1))) * (1.0 + _misfit(optimum.chi2, cells)) <= STANDS_SD
+
+
+def _misfit(chi2: float, cells: int) -> float:
+    """Root of the chi-square that noise does not explain."""
+    return float(np.sqrt(max(chi2 - cells - 3.0 * np.sqrt(2.0 * cells), 0.0)))
+
+
+def _search(problem: Problem) -> list[Optimum]:
+    """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
     cells = problem.cells.thinned(max(len(problem.cells.x_px) // SEARCH_CELLS, 1))
     few = pose(problem.model, problem.scene, cells, problem.noise)
     weights = _provisional(few)
-    tried = []
-    for u in _grid(problem.model):
-        normal = few.assemble(few.columns(u), weights)
-        x, _ = bounded(normal.matrix, normal.rhs, few.prior)
-        tried.append((normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs), u))
-    tried.sort(key=lambda pair: pair[0])
+    if not problem.model.parameters:
+        return [refine(few, np.zeros(0), weights)]
     apart = 0.1 * np.subtract(*problem.model.bounds()[::-1])
-    found = [_descend(few, u, weights) for u in _far_apart([u for _, u in tried], apart)[:DESCENTS]]
+    found = [refine(few, u, weights) for u in _starts(few, weights, apart)[:DESCENTS]]
     found.sort(key=lambda optimum: optimum.chi2)
-    return _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
+    kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
+    return [optimum for optimum in found if any(optimum.u is u for u in kept)]
+
+
+def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:
+    """Where to descend from, best first: along a single number the valleys of the grid, else its best points."""
+    grid = np.array(_grid(problem.model))
+    chi2 = np.concatenate([_chi2_of(problem, part, weights) for part in np.array_split(grid, -(-len(grid) // GRID))])
+    order = np.argsort(chi2, kind="stable")
+    if grid.shape[1] > 1:
+        return _far_apart(list(grid[order]), apart)
+    walled = np.concatenate([[np.inf], chi2, [np.inf]])
+    valley = (chi2 <= walled[:-2]) & (chi2 <= walled[2:])
+    return [_bottom(grid[:, 0], chi2, i) for i in order if valley[i]]
+
+
+def _bottom(u: Floats, chi2: Floats, i: int) -> Floats:
+    """The lowest point of the parabola through a point of the grid and its neighbours."""
+    if i in (0, len(u) - 1):
+        return u[i : i + 1]
+    left, right = chi2[i - 1] - chi2[i], chi2[i + 1] - chi2[i]
+    return np.asarray(u[i : i + 1] + 0.5 * (u[i + 1] - u[i]) * (left - right) / max(left + right, 1e-300))
+
+
+def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
+    """Chi-square at several shapes (S, D) at once, of a problem without extra columns."""
+    cols = columns_of_many(problem.model, problem.fresnel, problem.lights, problem.cells, shapes)
+    matrix, rhs, squares = equations(sums_of(cols, problem.cells, weights), problem.layout, problem.prior)
+    found = [bounded(m, r, problem.prior)[0] for m, r in zip(matrix, rhs, strict=True)]
+    return np.array([s + x @ m @ x - 2 * x @ r for s, x, m, r in zip(squares, found, matrix, rhs, strict=True)])
 
 
 def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
@@ -199,9 +264,9 @@ def _grid(model: Model) -> list[Floats]:
     return [np.array(point) for point in product(*starts)]
 
 
-def _shape_sd(joint: Floats, problem: Problem) -> Floats:
+def _shape_sd(joint: Floats, layout: Layout) -> Floats:
     """Sd of each shape number were everything else known: a yardstick for steps."""
-    return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(joint)[problem.layout.size :], 1e-300)))
+    return np.asarray(1.0 / np.sqrt(np.maximum(joint.diagonal()[layout.size :], 1e-300)))
 
 
 def _provisional(problem: Problem) -> Weighing:
@@ -218,41 +283,85 @@ def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
     return weigh(weights, problem.extras)
 
 
-def _descend(problem: Problem, u: Floats, weights: Weighing) -> Optimum:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rest:
+    """Where a descent ended, and what is predicted there (n,) per channel."""
+
+    optimum: Optimum
+    predicted: tuple[Floats, ...]
+
+
+def _descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> _Rest:
     """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
     low, high = problem.model.bounds()
     inside = ONTO_BOUND * (high - low)
-    u = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
-    here = _project(problem, u, weights)
-    status = f"not converged after {STEPS} steps"
-    joint = problem.assemble(here.columns, weights, here.x)
+    within = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
+    here = _project(problem, within, weights, cols if np.array_equal(within, u) else None)
+    status, cells = f"not converged after {STEPS} steps", sum(int(np.count_nonzero(w)) for w in weights.weights)
+    last: Floats = np.zeros(len(here.joint.rhs))
     for _ in range(STEPS):
-        step = _shape_step(joint, here.on_bound, u, low, high)
+        u, step = here.u, _joint_step(here, low, high)
         near, far = _reach(u, low, high)
-        wanted = np.clip(u + step, near, far) - u
-        if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * _shape_sd(joint.matrix, problem), 1e-9)):
+        moved = step[problem.layout.size :]
+        sd = _shape_sd(here.joint.matrix, problem.layout)
+        wanted = np.clip(u + moved, near, far) - u
+        if _lands(here, step, wanted, sd, cells):
+            status, last = "converged", step
+            break
+        if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)):
             status = "converged"
             break
         for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
-            there = _project(problem, np.clip(u + factor * step, near, far), weights)
+            there = _project(problem, np.clip(u + factor * moved, near, far), weights)
             if there.chi2 < here.chi2:
                 break
         else:  # nothing lower along the step: as good as it gets
             status = "converged"
             break
-        u, here = np.clip(u + factor * step, near, far), there
-        joint = problem.assemble(here.columns, weights, here.x)
-    resting = np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)])
-    return Optimum(
+        here = there
+    return _rest(here, last, weights, status)
+
+
+def _lands(here: _Projection, step: Floats, wanted: Floats, sd: Floats, cells: int) -> bool:
+    """Whether a step is so short that its end needs no second look: linear there to STANDS_SD, nothing at a bound.
+
+    A step s along a scale L (a longest step) errs by s^2 / L, and by s sd / L for each sd of misfit.
+    """
+    problem = here.problem
+    x, moved = here.x + step[: len(here.x)], step[len(here.x) :]
+    if here.on_bound.any() or not np.array_equal(moved, wanted) or len(moved) == 0:
+        return False
+    if np.any((x < problem.prior.low) | (x > problem.prior.high)):
+        return False
+    longest = _longest(*problem.model.bounds())
+    error = np.abs(moved) * (np.abs(moved) + sd * (1.0 + _misfit(here.chi2, cells))) / longest
+    return bool(np.all(error <= STANDS_SD * sd))
+
+
+def _rest(here: _Projection, step: Floats, weights: Weighing, status: str) -> _Rest:
+    """The end of a descent, after a last `step` of linear unknowns and shape."""
+    problem, size = here.problem, len(here.x)
+    low, high = problem.model.bounds()
+    u, x, drop = here.u, here.x, 0.0
+    predicted = problem.predict(here.columns, x)
+    if step.any():
+        u, x, drop = u + step[size:], x + step[:size], float(step @ here.joint.rhs)
+        slopes = [
+            c.table[1:, 0] + np.einsum("dkn,k->dn", c.table[1:, 1:], here.x[i])
+            for c, i in zip(here.columns, problem.layout.index, strict=True)
+        ]
+        predicted = tuple(p + step[size:] @ s for p, s in zip(problem.predict(here.columns, x), slopes, strict=True))
+    optimum = Optimum(
         problem=problem,
         u=u,
-        x=here.x,
+        x=x,
         weights=weights,
-        joint=joint.matrix,
-        chi2=here.chi2,
-        on_bound=resting,
+        joint=here.joint.matrix,
+        chi2=here.chi2 - drop,
+        on_bound=np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)]),
         status=status,
     )
+    return _Rest(optimum=optimum, predicted=predicted)
 
 
 def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -268,34 +377,48 @@ def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Projection:
-    columns: tuple[Columns, Columns, Columns]
+    """A shape with everything linear solved for, and the joint equations of the step from there."""
+
+    problem: Problem
+    u: Floats
+    columns: Evaluated
     x: Floats
     chi2: float
     on_bound: NDArray[np.bool_]
+    joint: Normal
 
 
-def _project(problem: Problem, u: Floats, weights: Weighing) -> _Projection:
-    cols = problem.columns(u, derivatives=True)
-    normal = problem.assemble(cols, weights)
+def _project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> _Projection:
+    cols = problem.columns(u, derivatives=True) if cols is None else cols
+    sums = sums_of(cols, problem.cells, weights)
+    normal = problem.combine(sums, weights)
     x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
     chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
-    return _Projection(columns=cols, x=x, chi2=chi2, on_bound=on_bound)
+    joint = problem.combine(sums, weights, x)
+    return _Projection(problem=problem, u=u, columns=cols, x=x, chi2=chi2, on_bound=on_bound, joint=joint)
 
 
 def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
     """Chi-square at one shape, everything linear solved for; the prior's part counts."""
-    return _project(problem, u, weights).chi2
+    normal = problem.assemble(problem.columns(u), weights)
+    x, _ = bounded(normal.matrix, normal.rhs, problem.prior)
+    return normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
 
 
-def _shape_step(joint: Normal, on_bound: NDArray[np.bool_], u: Floats, low: Floats, high: Floats) -> Floats:
-    """The Gauss-Newton step of the shape, what rests on a bound held there, shortened as a whole where it is long."""
-    size = len(on_bound)
+def _joint_step(here: _Projection, low: Floats, high: Floats) -> Floats:
+    """The Gauss-Newton step of linear unknowns and shape, what rests on a bound held there, shortened where long."""
+    size, u, joint = len(here.x), here.u, here.joint
     if len(u) == 0:
-        return np.zeros(0)
+        return np.zeros(size)
     pinned = ((u <= low) & (joint.rhs[size:] < 0)) | ((u >= high) & (joint.rhs[size:] > 0))
-    free = np.concatenate([~on_bound, ~pinned])
+    free = np.flatnonzero(~np.concatenate([here.on_bound, pinned]))
     step = np.zeros(len(joint.rhs))
-    damped = joint.matrix[np.ix_(free, free)] * (1.0 + 1e-9 * np.eye(int(free.sum())))
+    damped = joint.matrix[free[:, None], free]
+    damped.flat[:: len(free) + 1] *= 1.0 + 1e-9
     step[free] = solve(damped, joint.rhs[free])
-    longest = np.minimum(LONGEST_STEP, LONGEST_SHARE * (high - low))
-    return np.asarray(step[size:] / max(1.0, float(np.max(np.abs(step[size:]) / longest))))
+    return np.asarray(step / max(1.0, float(np.max(np.abs(step[size:]) / _longest(low, high)))))
+
+
+def _longest(low: Floats, high: Floats) -> Floats:
+    """The longest step of each shape number, and the scale over which a lobe changes with it."""
+    return np.minimum(LONGEST_STEP, LONGEST_SHARE * (high - low))

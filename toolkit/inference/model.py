@@ -6,7 +6,7 @@ lobe wants it: F0 (1 - s) + s, s = (1 - cos theta_d)^5, so that F0 is one more l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -82,9 +82,16 @@ def _lit(light: Light, seen: Surface) -> Lit:
     return Lit(
         cosines=cosines,
         colour=np.asarray(colour),
-        falloff=irradiance[..., 0] / colour[0],
-        schlick=np.asarray((1.0 - cosines.l_dot_h) ** 5),
+        falloff=_per_place(irradiance[..., 0], lambda e: e / colour[0]),
+        schlick=_per_place(cosines.l_dot_h, lambda cosine: (1.0 - cosine) ** 5),
     )
+
+
+def _per_place(values: Floats, function: Callable[[Floats], Floats]) -> Floats:
+    """A function of values over places; one that is repeated without being stored stays so."""
+    if any(values.strides):
+        return np.asarray(function(values))
+    return np.broadcast_to(function(values[(slice(1),) * values.ndim]), values.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -147,12 +154,34 @@ def names_of(model: Model, fresnel: Fresnel) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Columns:
-    """One channel's columns (n, k) on its cells, the part of the prediction with a known coefficient, derivatives."""
+    """One channel's columns on its cells: what a prediction is a sum of.
 
-    matrix: Floats
-    offset: Floats
-    d_matrix: tuple[Floats, ...] = ()  # one (n, k) per shape number, in the searched coordinate
-    d_offset: tuple[Floats, ...] = ()
+    `table` (..., 1 + D, 1 + k, n) holds the part with a known coefficient and the k columns, at a shape and then their
+    derivatives in each of the D shape numbers, in the searched coordinate; leading axes where several shapes are
+    evaluated at once.
+    """
+
+    table: Floats
+
+    @property
+    def matrix(self) -> Floats:
+        """The columns (n, k)."""
+        return self.table[0, 1:].T
+
+    @property
+    def offset(self) -> Floats:
+        """The part with a known coefficient (n,)."""
+        return np.asarray(self.table[0, 0])
+
+    @property
+    def d_matrix(self) -> tuple[Floats, ...]:
+        """One (n, k) per shape number."""
+        return tuple(block[1:].T for block in self.table[1:])
+
+    @property
+    def d_offset(self) -> tuple[Floats, ...]:
+        """One (n,) per shape number."""
+        return tuple(block[0] for block in self.table[1:])
 
 
 def columns(
@@ -161,72 +190,103 @@ def columns(
     """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N)."""
     shape = model.natural(u)
     sharp, soft = model.split(shape)
-    tables = [[_terms(lit, fresnel, *_Lobes(lit).value(model, sharp, soft)) for lit in lights]]
+    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
     if derivatives:
-        gradients = [_Lobes(lit).gradient(model, sharp, soft) for lit in lights]
-        for j, (number, p) in enumerate(zip(shape, model.parameters, strict=True)):
-            factor = number if p.log else 1.0
-            tables.append(
-                [
-                    _terms(lit, fresnel, *(factor * part for part in g[j]))
-                    for lit, g in zip(lights, gradients, strict=True)
-                ]
-            )
-    colours = [lit.colour for lit in lights]
-    red, green, blue = (_channel(tables, colours, data, c) for c, data in enumerate(cells.channels))
-    return red, green, blue
+        scales = [number if p.log else 1.0 for number, p in zip(shape, model.parameters, strict=True)]
+        for lit, mine in zip(lights, blocks, strict=True):
+            gradient = _gradients(lit, model, sharp, soft)
+            mine += [_terms(lit, fresnel, *part, scale) for part, scale in zip(gradient, scales, strict=True)]
+    return _channels(blocks, [lit.colour for lit in lights], cells, ())
 
 
-def _channel(tables: list[list[list[Floats]]], colours: list[Floats], data: ChannelCells, channel: int) -> Columns:
-    """One channel's columns: each term's weighted mean over the cells' nodes, summed over the lights."""
-    here = data.rows if len(data.rows) < tables[0][0][0].shape[1] else slice(None)  # all of them: no copy
-    mixed = [
-        [
-            np.asarray(
-                sum(
-                    colour[channel] * np.einsum("kn,kn->n", data.weights, term[:, here])
-                    for colour, term in zip(colours, terms, strict=True)
-                )
-            )
-            for terms in zip(*table, strict=True)
-        ]
-        for table in tables
-    ]
-    ones = np.ones(len(data.rows))
-    return Columns(
-        matrix=np.stack([*mixed[0][1:], ones], axis=1),
-        offset=mixed[0][0],
-        d_matrix=tuple(np.stack([*m[1:], 0.0 * ones], axis=1) for m in mixed[1:]),
-        d_offset=tuple(m[0] for m in mixed[1:]),
-    )
+def columns_of_many(
+    model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats
+) -> tuple[Columns, Columns, Columns]:
+    """The columns of all three channels at several shapes (S, D) at once."""
+    numbers = (np.exp(v) if p.log else v for v, p in zip(u.T, model.parameters, strict=True))
+    shape = tuple(v[:, None, None] for v in numbers)
+    sharp, soft = shape[: len(model.specular.parameters)], shape[len(model.specular.parameters) :]
+    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
+    return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
 
 
-@dataclass(frozen=True, slots=True)
-class _Lobes:
-    """The two lobes under one light: (diffuse, specular) and their derivatives."""
-
-    lit: Lit
-
-    def value(self, model: Model, sharp: tuple[float, ...], soft: tuple[float, ...]) -> tuple[Floats, Floats]:
-        cosines = self.lit.cosines
-        return model.diffuse.value(cosines, soft), model.specular.value(cosines, sharp, model.variant)
-
-    def gradient(self, model: Model, sharp: tuple[float, ...], soft: tuple[float, ...]) -> list[tuple[Floats, Floats]]:
-        cosines = self.lit.cosines
-        zero = np.zeros_like(cosines.n_dot_l)
-        specular = [(zero, g) for g in model.specular.derivative(cosines, sharp, model.variant)]
-        return specular + [(g, zero) for g in model.diffuse.derivative(cosines, soft)]
+_Shape = tuple[Floats | float, ...]
+_Term = tuple[Floats | None, float]  # a table over the nodes (..., 4, N), or None for zeros, and a factor
 
 
-def _terms(lit: Lit, fresnel: Fresnel, diffuse: Floats, specular: Floats) -> list[Floats]:
-    """At the nodes (4, N): what has a known coefficient first, then one table for each coefficient."""
-    diffuse, specular, s = diffuse * lit.falloff, specular * lit.falloff, lit.schlick
-    nothing = np.zeros_like(diffuse)
+def _values(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> tuple[Floats, Floats]:
+    """The two lobes under one light: diffuse, specular."""
+    return model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
+
+
+def _gradients(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> list[tuple[Floats | None, Floats | None]]:
+    """Derivatives of the two lobes in each shape number; None where a lobe does not depend on it."""
+    found: list[tuple[Floats | None, Floats | None]] = []
+    found += [(None, g) for g in model.specular.derivative(lit.cosines, sharp, model.variant)]
+    return found + [(g, None) for g in model.diffuse.derivative(lit.cosines, soft)]
+
+
+def _terms(
+    lit: Lit, fresnel: Fresnel, diffuse: Floats | None, specular: Floats | None, scale: float = 1.0
+) -> list[_Term]:
+    """At the nodes: what has a known coefficient first, then one table for each coefficient."""
+    far = _constant(lit.falloff)
+    if far is None:
+        diffuse, specular = (None if part is None else part * lit.falloff for part in (diffuse, specular))
+    else:
+        scale *= far
+    once = _constant(lit.schlick)
+    s = lit.schlick if once is None else once
+    body, nothing = (diffuse, scale), (None, 0.0)
     if fresnel.kind == "none":
-        return [nothing, diffuse, specular]
+        return [nothing, body, (specular, scale)]
     if fresnel.kind == "strength":
         ratio = (TYPICAL_F0 + (1 - TYPICAL_F0) * s) / (TYPICAL_F0 + (1 - TYPICAL_F0) * fresnel.reference_s)
-        return [nothing, diffuse, specular * ratio]
-    if fresnel.kind == "known":
-        return [specular * s, diffuse, specular * (1 - s)]
-    return [nothing, diffuse, specular * (1 - s), specular * s]
+        return [nothing, body, _times(specular, ratio, scale)]
+    without, with_s = _times(specular, 1 - s, scale), _times(specular, s, scale)
+    return [with_s, body, without] if fresnel.kind == "known" else [nothing, body, without, with_s]
+
+
+def _constant(values: Floats) -> float | None:
+    """The one value that an array repeats without storing it, as a far light's do; else None."""
+    return None if any(values.strides) else float(values.flat[0])
+
+
+def _times(table: Floats | None, factor: Floats | float, scale: float) -> _Term:
+    if table is None or isinstance(factor, float):
+        return table, scale * float(factor) if isinstance(factor, float) else 0.0
+    return table * factor, scale
+
+
+def _channels(
+    blocks: list[list[list[_Term]]], colours: list[Floats], cells: Cells, batch: tuple[int, ...]
+) -> tuple[Columns, Columns, Columns]:
+    """Each term's mean over the cells' nodes, summed over the lights; channels that share their cells share the means.
+
+    `blocks` hold for each light, then for the shape and each of its numbers, the terms at the nodes.
+    """
+    shared: dict[tuple[int, int], list[Floats]] = {}
+    found = []
+    for c, data in enumerate(cells.channels):
+        if data.sharing not in shared:
+            shared[data.sharing] = [_means(terms, data, batch) for terms in blocks]
+        mine = shared[data.sharing]
+        table = mine[0] * colours[0][c]
+        for more, colour in zip(mine[1:], colours[1:], strict=True):
+            table += more * colour[c]
+        table[..., 0, -1, :] = 1.0  # the pedestal; its derivatives are 0
+        found.append(Columns(table=table))
+    return found[0], found[1], found[2]
+
+
+def _means(blocks: list[list[_Term]], data: ChannelCells, batch: tuple[int, ...]) -> Floats:
+    """One light's terms averaged over the nodes of a channel's cells: (..., 1 + D, 1 + k, n), the pedestal's left 0."""
+    table = np.zeros((*batch, len(blocks), len(blocks[0]) + 1, len(data.rows)))
+    for b, terms in enumerate(blocks):
+        means: dict[int, Floats] = {}
+        for i, (nodes, scale) in enumerate(terms):
+            if nodes is not None:
+                if id(nodes) not in means:
+                    means[id(nodes)] = data.mean(nodes)
+                np.multiply(means[id(nodes)], scale, out=table[..., b, i, :])
+    return table

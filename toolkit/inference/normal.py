@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from toolkit.records import Floats, readonly
 
@@ -93,55 +93,103 @@ def weigh(weights: tuple[Floats, ...], extras: tuple[Floats, ...]) -> Weighing:
     )
 
 
-def assemble(
-    columns: tuple[Columns, ...],
-    cells: Cells,
-    weighing: Weighing,
-    layout: Layout,
-    prior: Prior,
-    extras: tuple[Floats, ...],
-    at: Floats | None = None,
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sums:
+    """One channel's weighted sums of products: all that normal equations at one shape need of the cells.
+
+    Of the rows of the columns' table (m of them), the data and the extra columns; leading axes as the table has.
+    """
+
+    products: Floats  # (..., m, m)
+    data: Floats  # (..., m), with the data
+    squares: float  # of the data
+    across: Floats  # (q, m), with the extra columns
+    extra_data: Floats  # (q,), of the extra columns with the data
+
+
+def sums_of(columns: tuple[Columns, ...], cells: Cells, weighing: Weighing) -> tuple[Sums, ...]:
+    """One pass over the cells of each channel."""
+    found = []
+    for c, (cols, data, w) in enumerate(zip(columns, cells.channels, weighing.weights, strict=True)):
+        table = cols.table.reshape(*cols.table.shape[:-3], -1, len(w))
+        weighted, extra, value_w = table * w, weighing.weighted[c], data.value * w
+        found.append(
+            Sums(
+                products=weighted @ np.swapaxes(table, -1, -2),
+                data=table @ value_w,
+                squares=float(value_w @ data.value),
+                across=extra @ table.T if len(extra) else np.zeros((0, table.shape[-2])),
+                extra_data=extra @ data.value,
+            )
+        )
+    return tuple(found)
+
+
+def equations(sums: tuple[Sums, ...], layout: Layout, prior: Prior) -> tuple[Floats, Floats, Floats]:
+    """Matrix (..., P, P), right-hand side (..., P) and squares (...) of the named unknowns, no extras among them."""
+    batch = sums[0].data.shape[:-1]
+    matrix = np.broadcast_to(prior.precision, (*batch, *prior.precision.shape)).copy()
+    rhs = np.broadcast_to(prior.precision @ prior.centre, (*batch, len(prior.centre))).copy()
+    squares = np.full(batch, float(prior.centre @ prior.precision @ prior.centre))
+    for one, index in zip(sums, layout.index, strict=True):
+        mine = slice(1, 1 + len(index))
+        matrix[..., index[:, None], index] += one.products[..., mine, mine]
+        rhs[..., index] += one.data[..., mine] - one.products[..., mine, 0]
+        squares += one.squares - 2.0 * one.data[..., 0] + one.products[..., 0, 0]
+    return matrix, rhs, squares
+
+
+def combine(
+    sums: tuple[Sums, ...], weighing: Weighing, layout: Layout, prior: Prior, at: Floats | None = None
 ) -> Normal:
     """Normal equations at one shape; with coefficients `at` (P,), of the steps from them and from the shape."""
-    shapes = len(columns[0].d_offset) if at is not None else 0
-    named, size = len(layout.names), layout.size + shapes
-    matrix, rhs, squares = np.zeros((size, size)), np.zeros(size), 0.0
+    blocks = len(sums[0].data) // (1 + len(layout.index[0]))
+    shapes = blocks - 1 if at is not None else 0
+    named, total = len(layout.names), layout.size + shapes
+    matrix, rhs = np.zeros((total, total)), np.zeros(total)
     towards = prior.centre if at is None else prior.centre - at
-    matrix[: layout.size, : layout.size] += prior.precision
-    rhs[: layout.size] += prior.precision @ towards
-    squares += float(towards @ prior.precision @ towards)
-    extra = np.arange(named, layout.size)
-    for c, (cols, data, w) in enumerate(zip(columns, cells.channels, weighing.weights, strict=True)):
-        index = np.concatenate([layout.index[c], np.arange(layout.size, size)])
-        y, mine = data.value - cols.offset, cols.matrix
-        if at is not None:
-            here = at[layout.index[c]]
-            y = y - cols.matrix @ here - extras[c] @ at[named : layout.size]
-            slopes = [m @ here + o for m, o in zip(cols.d_matrix, cols.d_offset, strict=True)]
-            mine = np.column_stack([cols.matrix, *slopes])
-        weighted = mine.T * w
-        matrix[np.ix_(index, index)] += weighted @ mine
-        rhs[index] += weighted @ y
-        squares += float(w @ (y * y))
+    matrix[: layout.size, : layout.size] = prior.precision
+    rhs[: layout.size] = prior.precision @ towards
+    squares = float(towards @ rhs[: layout.size])
+    more = np.zeros(layout.extras) if at is None else at[named:]
+    for c, (one, index) in enumerate(zip(sums, layout.index, strict=True)):
+        here, k = (np.zeros(len(index)) if at is None else at[index]), len(index)
+        told = np.concatenate([[1.0], here, np.zeros(len(one.data) - 1 - k)])  # what the prediction has of each row
+        pick = np.zeros((len(one.data), k + shapes))
+        pick[1 : 1 + k, :k] = np.eye(k)
+        for j in range(shapes):
+            pick[(1 + k) * (1 + j) : (1 + k) * (2 + j), k + j] = told[: 1 + k]
+        to = np.concatenate([index, np.arange(layout.size, total)])
+        rest = one.data - one.products @ told
+        matrix[to[:, None], to] += pick.T @ one.products @ pick
+        squares += one.squares - float(told @ (one.data + rest))
         if layout.extras:
-            across = weighing.weighted[c] @ mine
-            matrix[np.ix_(extra, index)] += across
-            matrix[np.ix_(index, extra)] += across.T
-            matrix[np.ix_(extra, extra)] += weighing.gram[c]
-            rhs[extra] += weighing.weighted[c] @ y
+            across, gram = one.across @ pick, weighing.gram[c]
+            extra = one.extra_data - one.across @ told
+            matrix[named : layout.size, to] += across
+            matrix[to, named : layout.size] += across.T
+            matrix[named : layout.size, named : layout.size] += gram
+            rhs[named : layout.size] += extra - gram @ more
+            squares += float(more @ gram @ more - 2.0 * more @ extra)
+            rest = rest - one.across.T @ more
+        rhs[to] += pick.T @ rest
     return Normal(matrix=matrix, rhs=rhs, squares=squares)
 
 
 def solve(matrix: Floats, rhs: Floats) -> Floats:
     """Solve a symmetric positive system, scaled so that units do not matter; never raises on a singular one."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    if not len(matrix):
+        return np.zeros(rhs.shape)
+    scale = 1.0 / np.sqrt(np.maximum(matrix.diagonal(), 1e-300))
     scaled = matrix * scale[:, None] * scale
-    try:
-        factor = scipy.linalg.cho_factor(scaled + 1e-13 * np.eye(len(scale)))
-        result: Floats = scipy.linalg.cho_solve(factor, (rhs.T * scale).T)
-    except scipy.linalg.LinAlgError:
-        result = np.linalg.lstsq(scaled, (rhs.T * scale).T, rcond=1e-12)[0]
-    return np.asarray((result.T * scale).T)
+    one = rhs.ndim == 1
+    wanted = (rhs * scale)[:, None] if one else rhs * scale[:, None]
+    raised = scaled.copy()
+    raised.flat[:: len(scale) + 1] += 1e-13
+    _, result, failed = dposv(raised, wanted, lower=1)
+    if failed:
+        result = np.linalg.lstsq(scaled, wanted, rcond=1e-12)[0]
+    return np.asarray(result[:, 0] * scale if one else result * scale[:, None])
 
 
 def inverse(matrix: Floats) -> Floats:
@@ -157,6 +205,8 @@ def bounded(matrix: Floats, rhs: Floats, prior: Prior) -> tuple[Floats, NDArray[
     """
     x: Floats = solve(matrix, rhs)
     fixed = np.zeros(len(x), bool)
+    if np.all((x >= prior.low) & (x <= prior.high)):
+        return x, fixed
     for _ in range(3 * len(x)):
         outside = ~fixed & ((x < prior.low) | (x > prior.high))
         gradient = matrix @ x - rhs
