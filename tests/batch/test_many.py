@@ -107,7 +107,7 @@ def test_the_page_reads_without_its_script(tmp_path: Path, plan: Path) -> None:
     out = tmp_path / "out"
     shoots.run(shoots.shoot(tmp_path / "shoot", 4), out)
     text = (out / "batch.html").read_text(encoding="utf-8")
-    assert text.count("<tr id=") == 4
+    assert text.count('<tr role="row" id=') == 4
     assert text.count("data:image/webp") == 4
     assert "html:not(.live) .filters { display: none; }" in text
     assert "http://" not in text.replace("http://www.w3.org", "")
