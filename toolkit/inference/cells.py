@@ -126,9 +126,9 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
     grid = grid_of(image.planes, levels)
     row, column = (index.ravel() for index in np.indices([n // 2**levels for n in grid.value.shape[1:]]))
-    found = []
+    found, wary = [], _wary(scene)
     for level in reversed(pyramid(grid, levels)):
-        cells, row, column = _cells_of(grid, level, scene, row, column, finest_rad)
+        cells, row, column = _cells_of(grid, level, scene, wary, row, column, finest_rad)
         found.append(cells)
         row, column = (2 * row[:, None] + HALVES_Y).ravel(), (2 * column[:, None] + HALVES_X).ravel()
     return _cells(grid, *(np.concatenate(part, axis=-1) for part in zip(*found, strict=True)))
@@ -138,19 +138,19 @@ _Found = tuple[Floats, Floats, Floats, Floats, Mask, Mask]  # place x, y, side, 
 
 
 def _cells_of(
-    grid: Grid, level: Level, scene: Scene, row: Rows, column: Rows, finest_rad: float
+    grid: Grid, level: Level, scene: Scene, wary: _Wary, row: Rows, column: Rows, finest_rad: float
 ) -> tuple[_Found, Rows, Rows]:
     """Of some blocks those that are cells, and rows and columns of those that are worth dividing."""
     side, last, width = level.side, level.side == 1, level.side * grid.step_px
     x = grid.origin_px[0] + grid.step_px * (column * side + (side - 1) / 2)
     y = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
-    aside, furthest = sight_offset(scene.camera, scene.sphere, x, y), _furthest(scene)
+    aside = sight_offset(scene.camera, scene.sphere, x, y)
     across = 0.0 if last else width / scene.sphere.radius_px  # of a block's half diagonal: no more, at any focal length
-    near = np.flatnonzero(aside < furthest + across)
+    near = np.flatnonzero(aside < wary.furthest + across)
     x, y, row, column, aside = x[near], y[near], row[near], column[near], aside[near]
-    lit, allowed = _light_on(scene, x, y, finest_rad, last=last)
+    lit, allowed = _light_on(scene, wary, x, y, finest_rad, last=last)
     bad = level.spoiled(row, column)
-    keep = (aside < furthest) & (lit > 0.0)
+    keep = (aside < wary.furthest) & (lit > 0.0)
     if not last:
         keep &= (width <= allowed) & ~bad.any(axis=0)
     here, divided = np.flatnonzero(keep), np.flatnonzero(~keep & (lit > -STEEPEST * across))
@@ -188,13 +188,26 @@ def _node_weights(first: Floats, spread: Floats) -> Floats:
     )
 
 
-def _furthest(scene: Scene) -> float:
-    """How far from the sphere's centre, in radii, lines of sight of usable samples pass."""
-    rim = 1.0 - (LIMB_MARGIN_PX + WARY_SDS * _place_sd_px(scene)) / scene.sphere.radius_px
-    return float(min(rim, np.sqrt(1.0 - MIN_N_DOT_V**2)))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wary:
+    """Where samples are usable by what is known of the calibration."""
+
+    furthest: float  # from the sphere's centre, in radii, that their lines of sight pass
+    dark: tuple[float, ...]  # the n.l of each light that they must exceed
 
 
-def _light_on(scene: Scene, x: Floats, y: Floats, finest_rad: float, *, last: bool) -> tuple[Floats, Floats]:
+def _wary(scene: Scene) -> _Wary:
+    place = _place_sd_px(scene) / scene.sphere.radius_px
+    rim = 1.0 - LIMB_MARGIN_PX / scene.sphere.radius_px - WARY_SDS * place
+    return _Wary(
+        furthest=float(min(rim, np.sqrt(1.0 - MIN_N_DOT_V**2))),
+        dark=tuple(max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + place)) for light in scene.lights),
+    )
+
+
+def _light_on(
+    scene: Scene, wary: _Wary, x: Floats, y: Floats, finest_rad: float, *, last: bool
+) -> tuple[Floats, Floats]:
     """At each place the largest n.l by which it is safely lit, and the widest cell allowed there in pixels.
 
     Of the `last` level, which is not divided any more, the width is not asked for.
@@ -203,10 +216,9 @@ def _light_on(scene: Scene, x: Floats, y: Floats, finest_rad: float, *, last: bo
     n_dot_v = _dot(seen.normal, seen.view)
     width_rad = np.full(len(x), SMOOTH_RAD)
     lit = np.full(len(x), -1.0)
-    for light in scene.lights:
+    for light, dark in zip(scene.lights, wary.dark, strict=True):
         towards, _ = light.at(seen.normal)
         n_dot_l = _dot(seen.normal, towards)
-        dark = max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + _place_sd_px(scene) / radius))
         lit = np.maximum(lit, n_dot_l - dark)
         if not last:
             both = np.sqrt(np.maximum(2.0 + 2.0 * _dot(towards, seen.view), 1e-12))

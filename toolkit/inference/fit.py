@@ -329,7 +329,7 @@ def _lands(here: _Projection, step: Floats, wanted: Floats, sd: Floats, cells: i
     """
     problem = here.problem
     x, moved = here.x + step[: len(here.x)], step[len(here.x) :]
-    if here.on_bound.any() or not np.array_equal(moved, wanted) or len(moved) == 0:
+    if here.on_bound.any() or len(moved) == 0 or np.any(np.abs(moved - wanted) > 1e-9 * np.abs(moved) + 1e-15):
         return False
     if np.any((x < problem.prior.low) | (x > problem.prior.high)):
         return False

@@ -124,8 +124,10 @@ def mirror_normal(scene: Scene, light: Light) -> Floats:
     view = view_of_centre(scene)
     for _ in range(30):
         towards, _ = light.at(normal[None])
-        normal = towards[0] + view
-        normal /= np.linalg.norm(normal)
+        before, normal = normal, towards[0] + view
+        normal /= np.sqrt(normal @ normal)
+        if np.array_equal(normal, before):
+            break
     return np.asarray(normal)
 
 

@@ -143,36 +143,39 @@ def combine(
     sums: tuple[Sums, ...], weighing: Weighing, layout: Layout, prior: Prior, at: Floats | None = None
 ) -> Normal:
     """Normal equations at one shape; with coefficients `at` (P,), of the steps from them and from the shape."""
-    blocks = len(sums[0].data) // (1 + len(layout.index[0]))
-    shapes = blocks - 1 if at is not None else 0
-    named, total = len(layout.names), layout.size + shapes
-    matrix, rhs = np.zeros((total, total)), np.zeros(total)
+    index = np.stack(layout.index)  # (3, k)
+    k, rows, named = index.shape[1], len(sums[0].data), len(layout.names)
+    shapes = rows // (1 + k) - 1 if at is not None else 0
+    products, data = np.stack([one.products for one in sums]), np.stack([one.data for one in sums])
+    told = np.zeros((3, rows))  # what the prediction has of each row of the tables
+    told[:, 0] = 1.0
+    if at is not None:
+        told[:, 1 : 1 + k] = at[index]
+    pick = np.zeros((3, rows, k + shapes))  # each unknown's derivative of the prediction, in the tables' rows
+    pick[:, np.arange(1, 1 + k), np.arange(k)] = 1.0
+    for j in range(shapes):
+        pick[:, (1 + k) * (1 + j) : (1 + k) * (2 + j), k + j] = told[:, : 1 + k]
+    rest = data - (products @ told[..., None])[..., 0]
+    squares = sum(one.squares for one in sums) - float(np.sum(told * (data + rest)))
     towards = prior.centre if at is None else prior.centre - at
+    matrix, rhs = np.zeros((layout.size + shapes,) * 2), np.zeros(layout.size + shapes)
     matrix[: layout.size, : layout.size] = prior.precision
     rhs[: layout.size] = prior.precision @ towards
-    squares = float(towards @ rhs[: layout.size])
-    more = np.zeros(layout.extras) if at is None else at[named:]
-    for c, (one, index) in enumerate(zip(sums, layout.index, strict=True)):
-        here, k = (np.zeros(len(index)) if at is None else at[index]), len(index)
-        told = np.concatenate([[1.0], here, np.zeros(len(one.data) - 1 - k)])  # what the prediction has of each row
-        pick = np.zeros((len(one.data), k + shapes))
-        pick[1 : 1 + k, :k] = np.eye(k)
-        for j in range(shapes):
-            pick[(1 + k) * (1 + j) : (1 + k) * (2 + j), k + j] = told[: 1 + k]
-        to = np.concatenate([index, np.arange(layout.size, total)])
-        rest = one.data - one.products @ told
-        matrix[to[:, None], to] += pick.T @ one.products @ pick
-        squares += one.squares - float(told @ (one.data + rest))
-        if layout.extras:
-            across, gram = one.across @ pick, weighing.gram[c]
-            extra = one.extra_data - one.across @ told
-            matrix[named : layout.size, to] += across
-            matrix[to, named : layout.size] += across.T
-            matrix[named : layout.size, named : layout.size] += gram
-            rhs[named : layout.size] += extra - gram @ more
-            squares += float(more @ gram @ more - 2.0 * more @ extra)
-            rest = rest - one.across.T @ more
-        rhs[to] += pick.T @ rest
+    squares += float(towards @ rhs[: layout.size])
+    to = np.concatenate([index, np.broadcast_to(np.arange(layout.size, len(rhs)), (3, shapes))], axis=1)
+    turned = np.swapaxes(pick, 1, 2)
+    if layout.extras:
+        more, extra = np.zeros(layout.extras) if at is None else at[named:], slice(named, layout.size)
+        for c, (one, gram) in enumerate(zip(sums, weighing.gram, strict=True)):
+            across, left = one.across @ pick[c], one.extra_data - one.across @ told[c]
+            matrix[extra, to[c]] += across
+            matrix[to[c], extra] += across.T
+            matrix[extra, extra] += gram
+            rhs[extra] += left - gram @ more
+            squares += float(more @ gram @ more - 2.0 * more @ left)
+            rest[c] -= one.across.T @ more
+    np.add.at(matrix, (to[:, :, None], to[:, None, :]), turned @ products @ pick)
+    np.add.at(rhs, to, (turned @ rest[..., None])[..., 0])
     return Normal(matrix=matrix, rhs=rhs, squares=squares)
 
 
