@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from . import inference, lobes
+from . import batch, inference, lobes
 
 
 def main() -> int:
     """Print all tables; 1 where a target is missed."""
     rows: list[dict[str, Any]] = []
-    for module in (lobes, inference):
+    for module in (lobes, inference, batch):
         rows += module.main()
     path = Path("build/bench.json")
     path.parent.mkdir(exist_ok=True)
