@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
+PEERS  := $(VENV)/peers
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint bench bench-separation validate lock clean
@@ -30,10 +31,14 @@ lint: $(READY)   ## style, types, import rules
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(READY)  ## speed, as ratios measured in one run
+$(PEERS): requirements/bench.txt $(READY)
+	@$(BIN)/python -m pip --disable-pip-version-check install --quiet --require-hashes --only-binary=:all: -r requirements/bench.txt \
+	  && touch $@ || echo "the peers of the bench group could not be installed: their rows are skipped" >&2
+
+bench: $(PEERS)  ## speed beside peers, as ratios measured in one run
 	$(BIN)/python -m tests.benchmarks
 
-bench-separation: $(READY)  ## separation by colour beside its rivals and its limit
+bench-separation: $(PEERS)  ## separation by colour beside its rivals and its limit
 	$(BIN)/python -m tests.benchmarks.separation
 
 validate: $(READY)  ## the slow statistical tests
@@ -42,6 +47,7 @@ validate: $(READY)  ## the slow statistical tests
 lock:            ## resolve requirements anew (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header pyproject.toml -o requirements/run.txt
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header pyproject.toml --group dev -c requirements/run.txt -o requirements/dev.txt
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --group bench -c requirements/dev.txt -o requirements/bench.txt
 
 clean:           ## remove what was built
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache
