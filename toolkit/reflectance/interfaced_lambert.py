@@ -129,6 +129,7 @@ def _facets(sigma: float) -> Facets:
     return np.maximum(facing, 0.0), np.sqrt(weight * length), turn, sigma * squared / np.square(length)
 
 
+@lru_cache(maxsize=1)
 def _slope_nodes() -> tuple[Floats, Floats]:
     """Squared slopes in units of 2 sigma^2, and the share of facets that each stands for, (slopes, 1)."""
     node, weight = np.polynomial.legendre.leggauss(_SLOPES)
@@ -141,14 +142,15 @@ def _facet_azimuths() -> Floats:
     return np.asarray((np.arange(_AZIMUTHS) + 0.5) * np.pi / _AZIMUTHS)
 
 
-def _expand(values: Floats) -> list[Floats]:
-    """For each order of the azimuth's expansion, (rows, slopes)."""
-    return [values @ np.cos(order * _facet_azimuths()) / _AZIMUTHS for order in range(_ORDERS)]
+def _expand(values: Floats) -> Floats:
+    """For each order of the azimuth's expansion: (orders, rows, slopes)."""
+    waves = np.cos(np.arange(_ORDERS) * _facet_azimuths()[:, None]) / _AZIMUTHS
+    return np.ascontiguousarray(np.moveaxis(values @ waves, -1, 0))
 
 
-def _products(one: list[Floats], other: list[Floats]) -> Floats:
+def _products(one: Floats, other: Floats) -> Floats:
     """Sums over the slopes for every pairing of rows: (rows, rows, orders)."""
-    return np.asarray(np.einsum("kia,kja->ijk", np.stack(one), np.stack(other)))
+    return np.ascontiguousarray(np.moveaxis(one @ other.swapaxes(1, 2), 0, -1))
 
 
 @lru_cache(maxsize=8)
