@@ -8,7 +8,7 @@ from toolkit.errors import BadInputError
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import bounding_box
-from toolkit.records import LinearImage, RawFrame, Scene
+from toolkit.records import Camera, LinearImage, RawFrame, Scene, Sphere
 
 from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
 
@@ -25,14 +25,10 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     sphere, flags = sphere_of(settings), list[str]()
     noise, transfer = noise_of_settings(settings), settings.image.transfer
     if sphere is None:
-        from toolkit.geometry.detect import find_sphere
-        from toolkit.radiometry.quads import quads
-
         whole = linearise(frame, transfer=transfer, noise=noise)
-        picture = quads(whole)
-        found = find_sphere(picture.values, origin_px=picture.origin_px, step_px=picture.step_px, camera=camera)
-        sphere, noise = found.sphere, whole.noise
-        flags += [Flag.SPHERE_UNCERTAIN] if found.uncertain else []
+        sphere, uncertain = detected(whole, camera)
+        noise = whole.noise
+        flags += [Flag.SPHERE_UNCERTAIN] if uncertain else []
     _check_sphere(sphere.centre_px, sphere.radius_px, width, height)
     lights = lights_of(settings)
     known = bool(lights) and all(light.irradiance for light in lights)
@@ -44,6 +40,16 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
         flags.append(Flag.LIGHT_ESTIMATED)
     _check_lights(scene)
     return image, scene, tuple(flags)
+
+
+def detected(whole: LinearImage, camera: Camera) -> tuple[Sphere, bool]:
+    """The ball found in a whole photograph, and whether that is uncertain; raises BadInputError where there is none."""
+    from toolkit.geometry.detect import find_sphere
+    from toolkit.radiometry.quads import quads
+
+    picture = quads(whole)
+    found = find_sphere(picture.values, origin_px=picture.origin_px, step_px=picture.step_px, camera=camera)
+    return found.sphere, found.uncertain
 
 
 def _check_sphere(centre_px: tuple[float, float], radius_px: float, width: int, height: int) -> None:

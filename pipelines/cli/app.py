@@ -15,9 +15,11 @@ from .batch import batch
 from .compare import compare
 from .fit import fit
 from .help import Columns
+from .light import light
 from .models import models
 from .render import render
 from .terminal import Terminal
+from .validate import validate
 
 HELP = """Estimate what a surface is made of, optically, from a photograph of a sphere.
 
@@ -42,8 +44,10 @@ app = App(
 app.default(fit)
 app.command(batch, name="batch", usage="Usage: fit-material batch INPUT ... --out DIR [OPTIONS]")
 app.command(compare, name="compare")
+app.command(light, name="light", usage="Usage: fit-material light IMAGE [IMAGE ...] [OPTIONS]")
 app.command(render, name="render")
 app.command(models, name="models")
+app.command(validate, name="validate")
 
 
 @app.command(name="--completion")

@@ -126,5 +126,5 @@ ASSUMPTIONS: Mapping[str, Assumption] = {
 
 
 def as_asked(shot: Shot, name: str, amount: float) -> Shot:
-    """The shot with the named assumption broken; "" leaves it whole."""
-    return ASSUMPTIONS[name].broken(shot, amount) if name else shot
+    """The shot with the named assumption broken, the same way each time; "" leaves it whole."""
+    return ASSUMPTIONS[name].broken(replace(shot), amount) if name else shot

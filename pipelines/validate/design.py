@@ -67,6 +67,7 @@ class Trial:
     diffuse: str
     parameters: Mapping[str, float | Sequence[float]]
     scene: Mapping[str, float]
+    setup: Mapping[str, Any] | None = None  # a scene file's tables, in place of RANGES' numbers
     broken: str = ""  # an assumption's name; "" for a render that keeps them all
     amount: float = 0.0
 

@@ -27,6 +27,7 @@ SIMULATED, POINTS = 4000, 60
 ALARMS = frozenset(  # flags that say: do not believe these numbers
     {
         Flag.POOR_FIT,
+        Flag.STRUCTURED_RESIDUALS,
         Flag.CALIBRATION_DOUBTED,
         Flag.NOT_CONVERGED,
         Flag.CHAIN_TOO_SHORT,
@@ -48,6 +49,8 @@ class Group:
     mean_z2: float
     rank_p: float  # chance of ranks as uneven as these, the smallest over the channels
     relative_rmse: float
+    efficiency: float  # rmse over the Cramer-Rao bound
+    unit_rmse: float  # rmse in the number's own unit
     ranks: tuple[float, ...]
 
 
@@ -76,6 +79,8 @@ class Score:
     coverage_error: float  # sd of the coverage at 90 % by chance alone
     groups: tuple[Group, ...]
     mean_z2: float
+    efficiency: float
+    efficiency_error: float  # its sd by chance alone
     psnr_db: Floats
     stress: tuple[Stress, ...]
     failures: tuple[Mapping[str, Any], ...]
@@ -106,7 +111,7 @@ def score(lines: Sequence[Mapping[str, Any]]) -> Score:
     if not clean:
         raise ValueError("no clean trial was finished")
     ranks = np.array([n["rank"] for line in clean for n in line["numbers"]])
-    z = np.array([_z(n) for line in clean for n in line["numbers"]])
+    z = np.array([z_of(n) for line in clean for n in line["numbers"]])
     alarms = [bool(ALARMS.intersection(line["flags"])) for line in clean]
     psnr = np.array([line["psnr_db"] for line in clean if line["psnr_db"] is not None])
     return Score(
@@ -115,6 +120,8 @@ def score(lines: Sequence[Mapping[str, Any]]) -> Score:
         coverage_error=_coverage_error(clean),
         groups=tuple(_groups(clean)),
         mean_z2=float(np.mean(z**2)),
+        efficiency=_efficiency([n for line in clean for n in line["numbers"]]),
+        efficiency_error=_efficiency_error(clean),
         psnr_db=psnr,
         stress=tuple(_stress(lines)),
         failures=tuple(line for line in lines if line["status"] != "done" and not line["broken"]),
@@ -154,7 +161,8 @@ def _most_extreme(ordered: Floats) -> Floats:
     return np.asarray(np.minimum(2.0 * table[below, np.arange(len(at))], 1.0).min(axis=1)).reshape(rows)
 
 
-def _z(number: Mapping[str, Any]) -> float:
+def z_of(number: Mapping[str, Any]) -> float:
+    """By how many of its posterior's sds a truth lies above the mean."""
     return float((number["truth"] - number["mean"]) / max(number["sd"], 1e-300))
 
 
@@ -162,6 +170,12 @@ def _coverage_error(clean: Sequence[Mapping[str, Any]]) -> float:
     """Sd of the pooled coverage at 90 %: numbers of one render go together, renders do not."""
     shares = [np.mean([abs(n["rank"] - 0.5) <= 0.45 for n in line["numbers"]]) for line in clean]
     return float(np.std(shares) / len(shares) ** 0.5)
+
+
+def _efficiency_error(clean: Sequence[Mapping[str, Any]]) -> float:
+    """Sd of the pooled efficiency by chance: renders are independent, the numbers of one are not."""
+    each = np.array([_efficiency(line["numbers"]) ** 2 for line in clean])
+    return float(0.5 * np.std(each) / len(each) ** 0.5)
 
 
 def _groups(clean: Sequence[Mapping[str, Any]]) -> list[Group]:
@@ -178,7 +192,7 @@ def model_of(line: Mapping[str, Any]) -> str:
 
 
 def _group(model: str, name: str, numbers: Sequence[Mapping[str, Any]]) -> Group:
-    ranks, z = np.array([n["rank"] for n in numbers]), np.array([_z(n) for n in numbers])
+    ranks, z = np.array([n["rank"] for n in numbers]), np.array([z_of(n) for n in numbers])
     channels = {n["channel"] for n in numbers}
     each = [np.array([n["rank"] for n in numbers if n["channel"] == channel]) for channel in channels]
     relative = [(n["mean"] - n["truth"]) / n["truth"] for n in numbers]
@@ -191,8 +205,16 @@ def _group(model: str, name: str, numbers: Sequence[Mapping[str, Any]]) -> Group
         mean_z2=float(np.mean(z**2)),
         rank_p=min(1.0, len(each) * min(uniform_p(r) for r in each)),
         relative_rmse=float(np.sqrt(np.mean(np.square(relative)))),
+        efficiency=_efficiency(numbers),
+        unit_rmse=float(np.sqrt(np.mean([(n["mean"] - n["truth"]) ** 2 for n in numbers]))),
         ranks=tuple(float(r) for r in ranks),
     )
+
+
+def _efficiency(numbers: Sequence[Mapping[str, Any]]) -> float:
+    """Root of the mean squared error over the bound's variance; NaN where there is no bound."""
+    squares = [((n["mean"] - n["truth"]) / n["bound_sd"]) ** 2 for n in numbers if n["bound_sd"]]
+    return float(np.sqrt(np.mean(squares))) if squares else float("nan")
 
 
 def _stress(lines: Sequence[Mapping[str, Any]]) -> list[Stress]:
@@ -205,7 +227,7 @@ def _stress(lines: Sequence[Mapping[str, Any]]) -> list[Stress]:
 
 def _stressed(name: str, amount: float, trials: Sequence[Mapping[str, Any]]) -> Stress:
     done = [line for line in trials if line["status"] == "done"]
-    worst = [max(abs(_z(n)) for n in line["numbers"]) for line in done]
+    worst = [max(abs(z_of(n)) for n in line["numbers"]) for line in done]
     relative = [max(abs(n["mean"] / n["truth"] - 1.0) for n in line["numbers"]) for line in done]
     alarmed = [bool(ALARMS.intersection(line["flags"])) for line in done]
     seen = sorted({flag for line in done for flag in line["flags"]})
@@ -228,7 +250,7 @@ def _stressed(name: str, amount: float, trials: Sequence[Mapping[str, Any]]) -> 
 def _leaves(line: Mapping[str, Any]) -> bool:
     """Whether the answer as a whole leaves its 95 % intervals: Bonferroni over its numbers."""
     tail = 0.025 / len(line["numbers"])
-    return any(min(n["rank"], 1.0 - n["rank"]) < tail or abs(_z(n)) > 4.0 for n in line["numbers"])
+    return any(min(n["rank"], 1.0 - n["rank"]) < tail or abs(z_of(n)) > 4.0 for n in line["numbers"])
 
 
 def _mean_seconds(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -243,6 +265,10 @@ def _complaints(found: Score) -> list[str]:
         said.append(
             f"90 % intervals held the truth in {100 * found.coverage[0.9]:.1f} % of cases, "
             f"expected {100 * BAND_90[0]:.0f} to {100 * BAND_90[1]:.0f} %"
+        )
+    if found.efficiency - 2 * found.efficiency_error > MOST_RATIO:
+        said.append(
+            f"answers scatter by {found.efficiency:.2f} x the least possible, expected {MOST_RATIO:g} x or less"
         )
     uneven = [g for g in found.groups if g.rank_p < FAMILY_WISE / len(found.groups)]
     if uneven:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +18,7 @@ from synthetic.render import Render, render
 from synthetic.scenes import as_measured, direction, exposed, sphere_in, write_scene_toml
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.fit import PEDESTAL_SD
-from toolkit.records import Noise, Scene
+from toolkit.records import Floats, Noise, Scene
 
 from .design import Trial
 
@@ -53,6 +54,10 @@ class Shot:
 
 def shoot(trial: Trial) -> Shot:
     """The trial's ball, rendered, with every assumption kept."""
+    if trial.setup is not None:
+        from .setup import shoot_setup
+
+        return shoot_setup(trial, trial.setup)
     there = trial.scene
     side = 2 * int(np.ceil(MARGIN * there["radius_px"]))
     light = DirectionalLight(
@@ -100,8 +105,7 @@ def noise_of(electrons: float, read_electrons: float) -> Noise:
 
 def write(shot: Shot, folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
     """The photograph, with its user's scene file beside it; returns where, and the truth by a result's names."""
-    path = folder / f"{name}{shot.suffix}"
-    rng, seen = np.random.default_rng(shot.seed), exposed(shot.scene, shot.exposure)
+    path, rng = folder / f"{name}{shot.suffix}", np.random.default_rng(shot.seed)
     dark = replace(SENSOR, black_dn=SENSOR.black_dn + round(shot.black_error / SENSOR.step))
     samples = cam.mosaic(shot.picture, exposure=shot.exposure, noise=shot.noise, sensor=dark, rng=rng)
     levels = np.clip((samples.astype(float) - SENSOR.black_dn) * SENSOR.step, 0.0, 1.0)
@@ -112,8 +116,21 @@ def write(shot: Shot, folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
     else:
         write_raw(path, samples, shot.noise, SENSOR, shot.scene.camera)
     rounded = cam.with_rounding(shot.noise, SENSOR.step)
-    write_scene_toml(Path(f"{path}.toml"), exposed(shot.told, shot.exposure), rounded)
-    return path, truth(seen, shot.material, rounded)["parameters"]
+    absolute = shot.scene.scale == "absolute"
+    write_scene_toml(Path(f"{path}.toml"), exposed(shot.told, shot.exposure), rounded, irradiance=absolute)
+    seen = exposed(shot.scene, shot.exposure)
+    found = truth(seen, shot.material, rounded)["parameters"]
+    return path, found if absolute else _relative(found, np.asarray(seen.lights[0].irradiance))
+
+
+def _relative(parameters: Mapping[str, Any], irradiance: Floats) -> dict[str, Any]:
+    """The truth in units of the unknown scale; F0 is then no number that a fit could find."""
+    scaled = ("diffuse_albedo", "specular_albedo", "specular_strength")
+    return {
+        name: (irradiance * np.asarray(value)).tolist() if name in scaled else value
+        for name, value in parameters.items()
+        if name != "specular_f0"
+    }
 
 
 def _interpolated(levels: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

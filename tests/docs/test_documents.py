@@ -102,7 +102,9 @@ def _tables() -> dict[str, set[str]]:
 def test_every_flag_that_the_documents_name_exists() -> None:
     """A flag of the result that a document speaks of is one of the table."""
     of_results = [
-        d for d in DOCUMENTS if d.parent.name != "models" and d.name not in ("adding-a-model.md", "batch.md", "report.md")
+        d
+        for d in DOCUMENTS
+        if d.parent.name != "models" and d.name not in ("adding-a-model.md", "batch.md", "report.md")
     ]  # those speak of code and of the files' keys
     words = {word for document in of_results for word in re.findall(r"`([a-z]\w*_\w+)`", document.read_text("utf-8"))}
     known = {str(flag) for flag in Flag}

@@ -1,0 +1,50 @@
+"""validation.html: what was rendered, what came back, and whether to believe it. One file, no script, no request."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from toolkit import __version__
+from toolkit.flags import MEANING, Flag
+
+from .broken import ASSUMPTIONS
+from .figures import model_plot, rank_plots, z_plots
+from .score import ALARMS, FAMILY_WISE, LEVELS, Score
+
+TEMPLATES = Path(__file__).parent / "templates"
+STYLE = Path(__file__).parents[1] / "report" / "templates" / "style.css"
+
+
+def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, told: str) -> str:
+    """The page as HTML; `told` says in words what was rendered."""
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    designed = any(line["scene"] for line in lines)
+    drawn = {"ranks": rank_plots(found), "psnr": model_plot(lines)}
+    if designed:
+        drawn["against"] = z_plots(lines)
+    return environment.get_template("validation.html.j2").render(
+        style=STYLE.read_text(encoding="utf-8"),
+        title=title,
+        told=told,
+        version=__version__,
+        found=found,
+        good=not found.complaints,
+        levels=LEVELS,
+        least_p=FAMILY_WISE / max(len(found.groups), 1),
+        assumptions=ASSUMPTIONS,
+        alarms=sorted(ALARMS),
+        meaning={flag: MEANING[Flag(flag)] for flag in ALARMS},
+        figures={name: Markup(text) for name, text in drawn.items()},  # noqa: S704  # our own SVG
+    )
