@@ -1,0 +1,129 @@
+"""The reference problem for speed: Lambert and a Beckmann lobe on some 187,000 pixels of three channels, seven numbers.
+
+A 512 x 512 orthographic sphere under one light 30 degrees off the axis, with shot and read noise. The rivals see the
+pixels that our cells hold, no others, their geometry worked out for them, and are given for nothing the weights that
+an honest fit must find by iteration: one over the variance at the radiance of the converged model. They start near the
+truth. What is timed of ours begins at the pixels: statistics, search and weights included, three pedestals more.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from synthetic.materials import material
+from synthetic.render import render
+from synthetic.scenes import direction
+from tests.inference.ball import photograph
+from toolkit.geometry.lights import DirectionalLight
+from toolkit.inference.cells import Cells, gather
+from toolkit.inference.fit import Optimum, Problem, fit, pose
+from toolkit.inference.model import Lit, Model, lit_by
+from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
+from toolkit.reflectance import LOBES
+
+ALPHA, STRENGTH = 0.2, 0.04
+BODY = np.array([0.45, 0.25, 0.12])
+NOISE = Noise(gain=np.full(3, 4e-4), read=np.full(3, 2e-3), source="given")
+TRUTH = np.array([*BODY, *np.full(3, STRENGTH), np.log(ALPHA)])
+START = TRUTH * np.array([0.7, 0.8, 1.2, 1.5, 1.5, 1.5, 0.8])
+IRRADIANCE = 3.0
+
+
+def scene_of(size_px: int = 512) -> Scene:
+    """The scene, at any size of the image."""
+    light = DirectionalLight(direction=direction(30.0), irradiance=(IRRADIANCE,) * 3, direction_sd_deg=0.3)
+    sphere = Sphere(
+        centre_px=((size_px - 1) / 2,) * 2, radius_px=size_px / 2, covariance_px2=np.eye(3) * 0.01, source="given"
+    )
+    return Scene(camera=Camera(), sphere=sphere, lights=(light,), scale="absolute")
+
+
+def photograph_of(size_px: int = 512, *, seed: int = 0, noise: Noise = NOISE) -> LinearImage:
+    """The photograph, at any size."""
+    glossy = material("beckmann", {"alpha": ALPHA, "diffuse_albedo": BODY.tolist(), "specular_f0": STRENGTH})
+    picture = render(scene_of(size_px), glossy, width_px=size_px, height_px=size_px)
+    return replace(photograph(picture.radiance(), seed=seed, noise=noise, mosaic=False), noise=NOISE)
+
+
+def ours(image: LinearImage, scene: Scene) -> Optimum:
+    """From pixels to optimum."""
+    return fit(pose(Model.named("beckmann"), scene, gather(image, scene), NOISE))
+
+
+def seven(image: LinearImage, scene: Scene) -> Optimum:
+    """The same with the pedestals held at 0, as the rivals have it: for comparing the optima."""
+    problem = pose(Model.named("beckmann"), scene, gather(image, scene), NOISE)
+    return fit(without_pedestal(problem))
+
+
+def without_pedestal(problem: Problem) -> Problem:
+    """The problem with its pedestals held at 0."""
+    precision = problem.prior.precision.copy()
+    for i, (name, _) in enumerate(problem.layout.names):
+        if name == "pedestal":
+            precision[i, i] *= 1e8
+    return replace(problem, prior=replace(problem.prior, precision=precision))
+
+
+def numbers(optimum: Optimum) -> Floats:
+    """An optimum's seven numbers in the rivals' order."""
+    layout = optimum.problem.layout
+    return np.concatenate([layout.of("diffuse_albedo", optimum.x), layout.of("specular_f0", optimum.x), optimum.u])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pixels:
+    """What the rivals work on: geometry, radiance (3, N) and weights (3, N)."""
+
+    lit: Lit
+    values: Floats
+    weights: Floats
+    x_px: Floats
+    y_px: Floats
+
+    def model(self, p: Floats) -> Floats:
+        """Radiance (3, N) of seven numbers: three albedos, three F0, log alpha."""
+        gloss = LOBES["beckmann"].value(self.lit.cosines, (float(np.exp(p[6])),))
+        f = p[3:6, None] * (1 - self.lit.schlick) + self.lit.schlick
+        return np.asarray(IRRADIANCE * (p[:3, None] * LOBES["lambert"].value(self.lit.cosines, ()) + f * gloss))
+
+    def residuals(self) -> Callable[[Floats], Floats]:
+        """Of the seven numbers, weighted, flat."""
+        root = np.sqrt(self.weights)
+        return lambda p: ((self.model(np.asarray(p)) - self.values) * root).ravel()
+
+
+def pixels(image: LinearImage, scene: Scene, optimum: Optimum) -> Pixels:
+    """Every pixel that the cells hold, weighed by the converged model."""
+    y, x = np.nonzero(covered(optimum.problem.cells, image.planes[0].values.shape))
+    values = np.stack([plane.values[y, x] for plane in image.planes]).astype(float)
+    lit = lit_by(scene, x.astype(float), y.astype(float))[0]
+    found = Pixels(lit=lit, values=values, weights=np.ones_like(values), x_px=x.astype(float), y_px=y.astype(float))
+    signal = found.model(numbers(optimum))
+    return replace(found, weights=1.0 / np.stack([NOISE.variance(signal[c], c) for c in range(3)]))
+
+
+def covered(cells: Cells, shape: tuple[int, ...]) -> np.ndarray:
+    """Which pixels are in a cell."""
+    held = np.zeros(shape, bool)
+    sides = np.sqrt(cells.channels[0].count).round().astype(int)
+    for side in np.unique(sides):
+        mine = sides == side
+        left, top = (np.round(v[mine] - (side - 1) / 2).astype(int) for v in (cells.x_px, cells.y_px))
+        step = np.arange(side)
+        held[(top[:, None] + step)[:, :, None], (left[:, None] + step)[:, None, :]] = True
+    return held
+
+
+def seconds(action: Callable[[], object], repeats: int = 5) -> float:
+    """The best of several runs."""
+    taken = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        action()
+        taken.append(time.perf_counter() - begin)
+    return min(taken)
