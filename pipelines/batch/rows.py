@@ -33,6 +33,11 @@ class Row:
     page: str = ""
     card: str = ""
 
+    def number(self, name: str) -> float | None:
+        """A cell's number; None where there is none."""
+        value = self.cells.get(name)
+        return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitNumbers:

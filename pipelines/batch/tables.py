@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from .materials import Material
 from .rows import Cell
 
 SCHEMA = "fit-material/batch/1"
-FORMULA = tuple("=+-@\t\r＝＋－＠")  # what spreadsheets take for the beginning of a formula or a command
+FORMULA = "=+@＝＋－＠-"  # what spreadsheets take for the beginning of a formula or a command
+_BEGINS = re.compile(rf"(^|[,;|\t])(?=[\s\"]*[{FORMULA}])")  # of a cell, whatever separates cells where it is opened
 Table = Sequence[Mapping[str, Cell]]
 
 
@@ -85,8 +87,10 @@ def _cell(value: Cell) -> str:
 
 
 def neutral(text: str) -> str:
-    """Text that no spreadsheet runs: an apostrophe before what begins like a formula."""
-    return f"'{text}" if text.lstrip().startswith(FORMULA) else text
+    """Text that no spreadsheet runs: an apostrophe before what begins like a formula, also behind a separator, since
+    a spreadsheet may take semicolons for it and then sees no quotes around the text.
+    """
+    return _BEGINS.sub(r"\1'", text)
 
 
 def write_json(

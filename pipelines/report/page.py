@@ -10,6 +10,7 @@ from toolkit.flags import Flag
 from toolkit.records import MaterialReport
 
 from . import dictionary
+from .template import STYLE, template
 from .text import base_name, stem
 
 if TYPE_CHECKING:
@@ -28,17 +29,7 @@ SERIOUS = {
 
 def page_text(report: MaterialReport, settings: Settings | None = None) -> str:
     """The page as HTML. The same report gives the same bytes."""
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("page.html.j2").render(_context(report, settings))
+    return template(TEMPLATES / "page.html.j2").render(_context(report, settings))
 
 
 def _context(report: MaterialReport, settings: Settings | None) -> dict[str, Any]:
@@ -51,7 +42,7 @@ def _context(report: MaterialReport, settings: Settings | None) -> dict[str, Any
     return {
         "name": base_name(report.image.name),
         "stem": stem(report.image.name),
-        "style": (TEMPLATES / "style.css").read_text(encoding="utf-8"),
+        "style": STYLE.read_text(encoding="utf-8"),
         "answer": answer(report, material),
         "notes": material.notes,
         "flags": rows.flag_rows(report),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pipelines.report.template import STYLE, template
 from toolkit import __version__
 from toolkit.flags import MEANING, Flag
 
@@ -14,27 +15,17 @@ from .figures import model_plot, rank_plots, z_plots
 from .score import ALARMS, FAMILY_WISE, LEVELS, Score
 
 TEMPLATES = Path(__file__).parent / "templates"
-STYLE = Path(__file__).parents[1] / "report" / "templates" / "style.css"
 
 
 def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, told: str) -> str:
     """The page as HTML; `told` says in words what was rendered."""
-    import jinja2
     from markupsafe import Markup
 
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     designed = any(line["scene"] for line in lines)
     drawn = {"ranks": rank_plots(found), "psnr": model_plot(lines)}
     if designed:
         drawn["against"] = z_plots(lines)
-    return environment.get_template("validation.html.j2").render(
+    return template(TEMPLATES / "validation.html.j2").render(
         style=STYLE.read_text(encoding="utf-8"),
         title=title,
         told=told,

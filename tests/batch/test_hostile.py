@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -14,6 +15,7 @@ import pytest
 from pipelines.batch.photograph import Photograph
 from pipelines.batch.tables import FORMULA
 from pipelines.batch.whole import Options, batch
+from pipelines.report.text import clean
 from pipelines.settings import Settings
 from tests.browser.devtools import tab
 
@@ -24,20 +26,23 @@ from .hostile import NAMES
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A batch of sixty photographs, hostile in name, EXIF and material, every tenth failing with hostile words."""
+    """A batch of sixty photographs, hostile in name, EXIF and material, every tenth failing with hostile words; ten
+    more repeat a material, so that it is pooled.
+    """
     tmp_path = tmp_path_factory.mktemp("hostile")
     source = tmp_path / "shoot" / "<b>=day"
     source.mkdir(parents=True)
     shown = []
-    for number, name in enumerate(NAMES):
+    for number, name in enumerate((*NAMES, *(f"again {name}" for name in NAMES[::6]))):
         path = source / f"{name[:90].replace('/', chr(92))}.dng"
-        path.write_bytes(os.fsencode(f"bad hostile {name}" if number % 10 == 9 else name))
-        shown.append(Photograph(path=path, under=(source.name, path.name), material=NAMES[number % 7 + 28]))
+        path.write_bytes(os.fsencode(f"bad hostile {name}" if number % 10 == 9 and number < 60 else name))
+        material = NAMES[(number + 1) % 60] if number < 60 else NAMES[(6 * (number - 60) + 1) % 60]
+        shown.append(Photograph(path=path, under=(source.name, path.name), material=material))
     place = tmp_path / "out"
     options = Options(out=place, settings_for=lambda one: Settings(), page=False, version="1", parquet=True)
     with planned(tmp_path / "plan"):
         ending = batch(shown, options, shoots.INLINE, ended=lambda item, outcome: None, note=print, work=fake.work)
-    assert ending.counts == {"done": 54, "failed": 6}
+    assert ending.counts == {"done": 64, "failed": 6}
     return place
 
 
@@ -50,7 +55,9 @@ def test_nothing_of_it_lives(out: Path, tmp_path: Path) -> None:
         page.evaluate("document.querySelectorAll('.filters select').forEach(s => { s.selectedIndex = 1; })")
         assert page.evaluate("typeof window.broken") == "undefined"
         assert page.evaluate("document.scripts.length") == 1
-        assert page.evaluate("document.querySelectorAll('#all tbody tr').length") == 60
+        assert page.evaluate("document.querySelectorAll('#all tbody tr').length") == 70
+        assert page.evaluate("document.querySelectorAll('.material').length") == len(set(map(clean, NAMES)))
+        assert page.evaluate("document.querySelectorAll('.strips svg').length") >= 10
         assert page.evaluate("document.querySelectorAll('iframe, object, embed, base, form[action]').length") == 0
         assert page.evaluate("document.documentElement.classList.contains('live')")
         links = page.evaluate("Array.from(document.querySelectorAll('a[href]'), a => a.getAttribute('href'))")
@@ -67,10 +74,18 @@ def test_no_cell_is_a_formula_and_every_table_reads_back(out: Path) -> None:
             table = list(csv.reader(stream))
         assert len({len(row) for row in table}) == 1
         for cell in (cell for row in table for cell in row):
-            assert not cell.lstrip().startswith(FORMULA) or is_number(cell), cell
+            assert not alive(cell), cell
             assert cell.isprintable() or "\ufffd" in cell
+        for separators in (",", ";", "\t", ",;\t|"):
+            for piece in re.split(f"[{separators}\r\n]", (out / name).read_text(encoding="utf-8")):
+                assert not alive(piece), (separators, piece)
     told: dict[str, Any] = json.loads((out / "batch.json").read_bytes())
-    assert len(told["photographs"]) == 60
+    assert len(told["photographs"]) == 70
+
+
+def alive(cell: str) -> bool:
+    """Whether a spreadsheet would take it for a formula."""
+    return cell.lstrip(' \t"').startswith(tuple(FORMULA)) and not is_number(cell)
 
 
 def is_number(text: str) -> bool:
@@ -85,8 +100,8 @@ def test_no_path_leaves_the_folder_and_none_is_misread(out: Path) -> None:
     """Every file is below it, under a name that all systems take as it is; two photographs, two places."""
     home = out.resolve()
     results = sorted(path.parent for path in out.rglob("*.card.json"))
-    assert len(results) == 54
-    assert len({str(path).casefold() for path in results}) == 54
+    assert len(results) == 64
+    assert len({str(path).casefold() for path in results}) == 64
     for path in out.rglob("*"):
         assert path.resolve().is_relative_to(home)
         assert len(os.fsencode(path.name)) <= 255

@@ -72,9 +72,11 @@ def test_the_pooled_table_is_there_twice(out: Path) -> None:
 
 def test_text_that_spreadsheets_would_run_is_text() -> None:
     """An apostrophe goes before it; numbers and other text stay as they are."""
-    for text in ("=1+1", "+1", "-1", "@A1", "\t=1", " =1", "＝1"):
+    for text in ("=1+1", "+1", "-1", "@A1", " =1", "＝1", '"=1'):
         assert neutral(text) == f"'{text}"
-    for text in ("ball", "a=b", "3-4", ""):
+    assert neutral("\t=1") == "'\t'=1"
+    assert neutral('a;=1+1,@B;"=2') == "a;'=1+1,'@B;'\"=2"
+    for text in ("ball", "a=b", "3-4", "a, b; c", ""):
         assert neutral(text) == text
 
 
