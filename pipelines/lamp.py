@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 SCHEMA = "fit-material/light/1"
 AROUND = 1.6  # ball radii round its centre that are looked at: a highlight beside the ball is to be seen as such
+NEAR_NOTE = (
+    "the position counts from the first ball's centre in its radii: put the ball to be fitted in that ball's place; "
+    "of another size, multiply the position by mirror radius over ball radius"
+)
 GREATEST_SD_DEG = 20.0  # beyond it nothing is known worth writing
 
 
@@ -47,19 +51,19 @@ class Lamp:
     notes: tuple[str, ...]
 
 
-def balls_in(path: Path, settings: Settings, spheres: Sequence[Sphere]) -> list[Ball]:
-    """Every ball of one photograph: the circles given, else the settings' one, else the one that is detected."""
+def balls_in(path: Path, settings: Sequence[Settings]) -> list[Ball]:
+    """Every ball of one photograph, by settings that differ in their sphere alone; without any it is detected."""
     from toolkit.io.read import read
 
-    frame = read(path)
+    frame, first = read(path), settings[0]
     height, width = frame.values.shape[:2]
-    camera = camera_of(settings, width_px=width, height_px=height, metadata=frame.metadata)
-    known = list(spheres) or [sphere for sphere in [sphere_of(settings)] if sphere is not None]
-    noise = noise_of_settings(settings)
+    camera = camera_of(first, width_px=width, height_px=height, metadata=frame.metadata)
+    known = [sphere for sphere in map(sphere_of, settings) if sphere is not None]
+    noise = noise_of_settings(first)
     if not known:
-        whole = _linear(frame, settings, noise, None)
+        whole = _linear(frame, first, noise, None)
         known, noise = [detected(whole, camera)[0]], whole.noise
-    return [Ball(name=frame.name, lamp=_in_ball(frame, settings, noise, sphere, camera)) for sphere in known]
+    return [Ball(name=frame.name, lamp=_in_ball(frame, first, noise, sphere, camera)) for sphere in known]
 
 
 def _in_ball(frame: RawFrame, settings: Settings, noise: Noise | None, sphere: Sphere, camera: Camera) -> LampFound:
@@ -97,13 +101,19 @@ def lamp_of(balls: Sequence[Ball]) -> Lamp:
             "the balls show lamps that do not meet (chi-square per degree of freedom "
             f"{placed.chi2_reduced:.0f}); expected one lamp, and balls of one size: give several lamps one by one"
         )
+    if placed.diverging:
+        raise BadInputError(
+            "the balls' rays to the lamp part, as from no place at all; expected balls of one size with their own "
+            "circles, and the camera's focal length: correct --sphere, or give camera.focal_length_px"
+        )
     radius = balls[0].lamp.angular_radius_deg
     light: AnyLight = _far(placed.direction, placed.sd_deg, radius)
     if placed.near:
         light = PointLight(
             position=placed.position, direction_sd_deg=_sd(placed.sd_deg), angular_radius_deg=_size(radius)
         )
-    return Lamp(light=light, balls=tuple(balls), placed=placed, notes=_notes(balls))
+    near = (NEAR_NOTE,) if placed.near else ()
+    return Lamp(light=light, balls=tuple(balls), placed=placed, notes=(*_notes(balls), *near))
 
 
 def _far(direction: tuple[float, float, float], sd_deg: float, radius_deg: float | None) -> DirectionalLight:
@@ -152,18 +162,21 @@ def _far_note(found: LampFound) -> str:
 
 def as_object(lamp: Lamp) -> dict[str, Any]:
     """The answer as a JSON object: the scene file's table, errors, and every ball."""
+    from .report.result import finite
+
     light = lamp.light.model_dump(mode="json", exclude_none=True)
-    return {
+    told = {
         "schema": SCHEMA,
         "status": "ok",
         "error": None,
         "light": light | {"direction": list(lamp.light.direction)},
         "sd_deg": lamp.placed.sd_deg if lamp.placed else lamp.balls[0].lamp.sd_deg,
         "distance_radii": _distance(lamp.placed),
-        "position_covariance": lamp.placed.position_covariance.tolist() if lamp.placed and lamp.placed.near else None,
+        "position_covariance": lamp.placed.position_covariance if lamp.placed and lamp.placed.near else None,
         "balls": [_ball(ball) for ball in lamp.balls],
         "notes": list(lamp.notes),
     }
+    return {key: finite(value) for key, value in told.items()}
 
 
 def _distance(placed: LampPlaced | None) -> dict[str, float | None]:
@@ -185,11 +198,11 @@ def _ball(ball: Ball) -> dict[str, Any]:
         },
         "projection": lamp.camera.projection,
         "highlight_px": list(seen.place_px),
-        "highlight_sd_px": np.sqrt(np.diag(seen.covariance_px2)).tolist(),
+        "highlight_sd_px": np.sqrt(np.diag(seen.covariance_px2)),
         "clipped": list(seen.clipped),
         "blur_px": seen.blur_px,
         "direction": list(lamp.direction),
-        "covariance": lamp.covariance.tolist(),
+        "covariance": lamp.covariance,
         "sd_deg": lamp.sd_deg,
         "sd_highlight_deg": highlight,
         "sd_outline_deg": float(np.sqrt(max(lamp.sd_deg**2 - highlight**2, 0.0))),

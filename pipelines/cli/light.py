@@ -16,7 +16,6 @@ from .terminal import Terminal
 if TYPE_CHECKING:
     from pipelines.lamp import Ball
     from pipelines.settings import Settings
-    from toolkit.records import Sphere
 
 
 def light(
@@ -56,8 +55,8 @@ def light(
     from pipelines.lamp import as_object, balls_in, lamp_of, scene_text
 
     for name in images:
-        settings = _settings(Path(name), scene, set, transfer)
-        every += balls_in(Path(name), settings, [_sphere(text, settings) for text in circles.get(name, ())])
+        each = [_settings(Path(name), scene, set, transfer, circle) for circle in circles.get(name) or (None,)]
+        every += balls_in(Path(name), each)
     lamp = lamp_of(every)
     if out is not None:
         _write(out, scene_text(lamp, [ball.name for ball in every]))
@@ -91,26 +90,16 @@ def _shared_out(images: Sequence[str], spheres: Texts) -> dict[str, Texts]:
     return {image: (sphere,) for image, sphere in zip(images, spheres, strict=False)}
 
 
-def _settings(image: Path, scene: Path | None, assignments: Texts, transfer: str | None) -> Settings:
+def _settings(
+    image: Path, scene: Path | None, assignments: Texts, transfer: str | None, circle: str | None
+) -> Settings:
     from pipelines.layers import Layer, assignment, resolve
 
-    curve = [Layer(name="--transfer", values={"image": {"transfer": transfer}})] if transfer else []
-    return resolve(image, scene=scene, flags=[*curve, *map(assignment, assignments)])
-
-
-def _sphere(text: str, settings: Settings) -> Sphere:
-    """A circle as a sphere, checked as the main command's; its errors are the settings' or the default."""
-    from pipelines.layers import Layer, settings_of
-    from pipelines.settings import sphere_of
-
-    x, y, radius = numbers("--sphere", text, "CX,CY,R")
-    table: dict[str, Any] = {"centre_px": [x, y], "radius_px": radius}
-    if settings.sphere is not None:
-        known = settings.sphere.model_dump(exclude_none=True)
-        table |= {key: known[key] for key in ("centre_sd_px", "radius_sd_px") if key in known}
-    found = sphere_of(settings_of([Layer(name="--sphere", values={"sphere": table})]))
-    assert found is not None  # noqa: S101  # the table was given
-    return found
+    flags = [Layer(name="--transfer", values={"image": {"transfer": transfer}})] if transfer else []
+    if circle is not None:
+        x, y, radius = numbers("--sphere", circle, "CX,CY,R")
+        flags.append(Layer(name="--sphere", values={"sphere": {"centre_px": [x, y], "radius_px": radius}}))
+    return resolve(image, scene=scene, flags=[*flags, *map(assignment, assignments)])
 
 
 def _write(out: Path, text: str) -> None:

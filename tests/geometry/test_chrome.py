@@ -185,3 +185,13 @@ def test_real_lamps_are_where_the_gray_balls_shading_has_them(real: Any) -> None
         apart.append((_apart_deg(shading, lamp.direction), _apart_deg(shading, given[k])))
     ours, theirs = np.mean(apart, axis=0)
     assert ours < 2.0 < 3.0 < theirs
+
+
+def test_a_glossy_ball_is_not_taken_for_a_mirror() -> None:
+    """A rough surface's highlight, soft over many pixels, is refused; its middle would be told with a false error."""
+    lamp = DirectionalLight(direction=direction(60.0, 33.0), irradiance=(1.0, 1.0, 1.0))
+    scene = sphere_in(340, 340, radius_px=140.0, lights=[lamp])
+    rough = material("torrance-sparrow", {"roughness_rad": 0.12, "specular_f0": 0.04, "diffuse_albedo": 0.05})
+    radiance = render(scene, rough, width_px=340, height_px=340).radiance()[..., 0]
+    with pytest.raises(BadInputError, match="glossy, not a mirror"):
+        lamp_in_ball(photographed(0.8 * radiance / radiance.max(), seed=4), sphere=scene.sphere, camera=Camera())

@@ -78,3 +78,13 @@ def test_two_lamps_are_not_taken_for_one() -> None:
     other = _perspective(np.array([-11.0, -3.0, -5.0]))[1]
     placed: LampPlaced = place_lamp([one, other])
     assert not placed.same_lamp
+
+
+def test_rays_that_part_towards_the_lamp_are_told() -> None:
+    """They would meet behind the balls: no lamp, though they fit together; a far lamp's own rays do not part."""
+    balls = [(-3.0, 0.0, -25.0), (3.0, 0.0, -25.0)]
+    left, right = (np.add(ball, (side * 6.0, 5.0, 15.0)) for ball, side in zip(balls, (-1.0, 1.0), strict=True))
+    placed = place_lamp([_perspective(left, balls=balls)[0], _perspective(right, balls=balls)[1]])
+    assert placed.diverging
+    assert not placed.near
+    assert not place_lamp(_perspective(np.array([0.4, 0.5, 0.6]) * 1e5, seed=4)).diverging

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag
 from toolkit.records import Camera, Floats, LinearImage, Sphere, readonly
 
@@ -65,7 +66,7 @@ class _Window:
 
 
 def fit_lamp_image(image: LinearImage, spot: Spot, *, sphere: Sphere, camera: Camera) -> LampImage:
-    """The lamp's image near a spot, to a small part of a pixel."""
+    """The lamp's image near a spot, to a small part of a pixel; raises BadInputError where it is no mirror's image."""
     from scipy.optimize import least_squares
 
     window = _window(image, spot, sphere, camera)
@@ -88,7 +89,17 @@ def fit_lamp_image(image: LinearImage, spot: Spot, *, sphere: Sphere, camera: Ca
         start = fit.x
         model, lamp = _model(start, window, sphere, camera, sd)
         sd = _sd(image, window, model, lamp)
+    _refuse_soft(float(np.exp(start[3])))
     return _measured(fit, window, spot, model, lamp)
+
+
+def _refuse_soft(blur_px: float) -> None:
+    """A rough surface blurs the lamp far more than a camera does, and not evenly: its place would be off by degrees."""
+    if blur_px > 0.99 * MOST_BLUR_PX:
+        raise BadInputError(
+            f"the highlight is soft over more than {MOST_BLUR_PX:.0f} px: the ball is glossy, not a mirror, or out of "
+            "focus; expected a polished mirror ball in focus, or one smaller in the frame"
+        )
 
 
 def _measured(fit: Any, window: _Window, spot: Spot, model: Floats, lamp: Floats) -> LampImage:  # noqa: ANN401  # scipy's result

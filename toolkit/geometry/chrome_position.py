@@ -20,6 +20,7 @@ from .chrome import STEP_PX, LampFound, mirrored
 from .sphere import centre_position, surface
 
 NEAR = 2.5  # sds that one over the distance must lie above zero for a distance to be stated
+DIVERGING = 5.0  # sds below zero, beyond which the rays do not come from any place
 SAME_LAMP_CHI2 = 16.0  # per degree of freedom, beyond which the rays belong to different lamps
 
 
@@ -47,6 +48,11 @@ class LampPlaced:
     def near(self) -> bool:
         """Whether the distance can be told."""
         return self.per_distance > NEAR * float(np.sqrt(self.covariance[2, 2]))
+
+    @property
+    def diverging(self) -> bool:
+        """Whether the rays part towards the lamp by more than their errors allow."""
+        return self.per_distance < -DIVERGING * float(np.sqrt(self.covariance[2, 2]))
 
     @property
     def position(self) -> tuple[float, float, float]:
