@@ -57,7 +57,7 @@ class ValidateFlags:
 def validate(
     preset: Annotated[
         Literal["quick", "standard", "full"],
-        Parameter(help="How much: 112, 1050 or 5250 clean renders, and broken ones. [default: quick]"),
+        Parameter(help="How much: 112, 1400 or 7000 clean renders, and broken ones. [default: quick]"),
     ] = "quick",
     /,
     *,
@@ -152,6 +152,7 @@ def _tell(
     from pipelines.validate.outcome import outcome, table, worse
     from pipelines.validate.page import page_text
     from pipelines.validate.score import score
+    from pipelines.validate.verdict import verdict
     from pipelines.validate.words import scene_sentence, told
 
     found = score(lines)
@@ -165,7 +166,7 @@ def _tell(
         terminal.object(result)
     else:
         said = [scene_sentence(found)] if what.scene is not None else []
-        terminal.result("\n".join([*said, found.verdict, f"page: {out / 'validation.html'}"]) + "\n")
+        terminal.result("\n".join([*said, verdict(found), f"page: {out / 'validation.html'}"]) + "\n")
     for change in changed:
         terminal.error(f"worse than {what.against}: {change}")
-    return BAD if changed or found.complaints else 0
+    return 0 if result["good"] and not changed else BAD

@@ -19,8 +19,8 @@ from toolkit.inference.cells import DIRECTION_SD_DEG
 from toolkit.reflectance import LOBES
 
 Preset = Literal["quick", "standard", "full"]
-RENDERS: dict[Preset, int] = {"quick": 112, "standard": 1050, "full": 5250}
-STRESS_REPEATS: dict[Preset, int] = {"quick": 1, "standard": 8, "full": 32}
+RENDERS: dict[Preset, int] = {"quick": 112, "standard": 1400, "full": 7000}
+STRESS_REPEATS: dict[Preset, int] = {"quick": 2, "standard": 12, "full": 48}
 MODELS = (  # the main job's five over Lambert, and its other two bodies
     ("torrance-sparrow", "lambert"),
     ("phong", "lambert"),
@@ -30,12 +30,13 @@ MODELS = (  # the main job's five over Lambert, and its other two bodies
     ("beckmann", "oren-nayar"),
     ("torrance-sparrow", "wolff"),
 )
-SHAPES = {  # range of each shape number; a highlight of 0.05 rad is two pixels wide on the smallest ball
+SHAPES = {  # range of each shape number; a highlight of 0.05 rad is two pixels wide on the smallest ball; the diffuse
+    # ones, which a photograph may hardly tell, have their prior's own: only so are their ranks even
     "roughness_rad": (0.05, 0.45),
     "alpha": (0.06, 0.5),
     "shininess": (5.0, 400.0),
-    "diffuse_roughness_rad": (0.1, 0.7),
-    "diffuse_index": (1.35, 1.75),
+    "diffuse_roughness_rad": (0.0, 0.8),
+    "diffuse_index": (1.3, 1.8),
 }
 RANGES = {  # of the scene; all but those in LINEAR are spread evenly in their logarithm
     "albedo": (0.08, 0.8),
@@ -53,8 +54,29 @@ RANGES = {  # of the scene; all but those in LINEAR are spread evenly in their l
     "highlight": (0.3, 0.95),
     "black_error": (0.0, 1.0),  # a quantile of what a fit allows for
 }
-LINEAR = frozenset({"red", "green", "blue", "light_off_axis_deg", "light_around_deg", "highlight", "black_error"})
-VARIABLES = ("light_off_axis_deg", "light_sd_deg", "radius_px", "place_sd_px", "electrons", "highlight", "albedo")
+LINEAR = frozenset(
+    {
+        "red",
+        "green",
+        "blue",
+        "light_off_axis_deg",
+        "light_around_deg",
+        "highlight",
+        "black_error",
+        "diffuse_roughness_rad",
+        "diffuse_index",
+    }
+)
+VARIABLES = (  # that z is shown against
+    "light_off_axis_deg",
+    "light_sd_deg",
+    "radius_px",
+    "place_sd_px",
+    "electrons",
+    "highlight",
+    "albedo",
+    "specular",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +147,10 @@ def _trial(number: int, seed: int, unit: np.ndarray[Any, Any]) -> Trial:
         for u, (name, (low, high)) in zip(unit, RANGES.items(), strict=False)
     }
     names = _shape_names(model, diffuse)
-    shape = {name: _between(u, *SHAPES[name], log=True) for u, name in zip(unit[len(RANGES) :], names, strict=False)}
+    shape = {
+        name: _between(u, *SHAPES[name], log=name not in LINEAR)
+        for u, name in zip(unit[len(RANGES) :], names, strict=False)
+    }
     hue = [scene["albedo"] * scene[channel] for channel in ("red", "green", "blue")]
     specular = "specular_f0" if LOBES[model].fresnel else "specular_albedo"
     return Trial(

@@ -9,14 +9,15 @@ import numpy as np
 
 from pipelines.report.figures.svg import FAINT, FITS, INK, figure, svg
 
-from .design import VARIABLES
-from .score import Score, model_of, z_of
+from .design import LINEAR, VARIABLES
+from .ranks import band
+from .score import Score, model_of
+from .stress import z_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BINS = 9  # of a variable's range
-BAND = 0.99
 LABELS = {
     "light_off_axis_deg": "light off the camera's axis, degrees",
     "light_sd_deg": "stated error of the light, degrees",
@@ -25,6 +26,7 @@ LABELS = {
     "electrons": "electrons at saturation",
     "highlight": "brightest pixel over saturation",
     "albedo": "albedo's level",
+    "specular": "specular strength",
 }
 
 
@@ -45,27 +47,12 @@ def rank_plots(found: Score) -> str:
 
 
 def _ranks(ax: Axes, ranks: Any, count: int) -> None:  # noqa: ANN401  # an array of floats
-    at = np.linspace(0.0, 1.0, 61)
-    width = _simultaneous_width(count, at)
-    ax.fill_between(at, -width, width, color=FAINT, alpha=0.25, linewidth=0)
+    at, low, high = band(count)
+    ax.fill_between(at, low - at, high - at, color=FAINT, alpha=0.25, linewidth=0)
     share = np.searchsorted(np.sort(ranks), at, side="right") / len(ranks)
     ax.plot(at, share - at, color=FITS[0], lw=1.2)
     ax.axhline(0.0, color=FAINT, lw=0.6)
     ax.tick_params(labelsize=7)
-
-
-def _simultaneous_width(count: int, at: Any) -> Any:  # noqa: ANN401  # arrays of floats
-    """Half width of the band that even ranks stay in all along, 99 of 100 times; narrow at both ends."""
-    from scipy.stats import binom
-
-    draws = np.sort(np.random.default_rng(0).random((2000, count)), axis=1)
-    below = np.stack([np.searchsorted(row, at, side="right") for row in draws])
-    low, high = 1e-6, 0.5
-    for _ in range(30):  # the pointwise level whose bands hold a whole curve in BAND of cases
-        level = np.sqrt(low * high)
-        inside = (below >= binom.ppf(level, count, at)) & (below <= binom.isf(level, count, at))
-        low, high = (level, high) if inside.all(axis=1).mean() > BAND else (low, level)
-    return np.maximum(binom.isf(low, count, at) / count - at, 0.0)
 
 
 def z_plots(lines: Sequence[Mapping[str, Any]]) -> str:
@@ -94,10 +81,22 @@ def _against(ax: Axes, clean: Sequence[Mapping[str, Any]], name: str) -> None:
     pooled = [float(np.sqrt(np.mean(rms[part] ** 2))) for part in parts]
     ax.plot(middle, pooled, color=FITS[0], lw=1.6, marker="o", ms=3)
     ax.axhline(1.0, color=INK, lw=0.8)
-    if x.min() > 0 and x.max() / x.min() > 5:
-        ax.set_xscale("log")
+    if name not in LINEAR:
+        _logarithmic(ax, x)
     ax.set_ylim(0.0, 4.1)
     ax.set_xlabel(LABELS[name])
+
+
+def _logarithmic(ax: Axes, x: Any) -> None:  # noqa: ANN401  # an array of floats
+    """Few labels, as a person writes them."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    ax.set_xscale("log")
+    steps = [m * 10.0**e for e in range(-3, 6) for m in (1, 2, 5)]
+    shown = [s for s in steps if x.min() <= s <= x.max()]
+    ax.xaxis.set_major_locator(FixedLocator(shown[:: 1 + len(shown) // 5]))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.15g}"))
 
 
 def model_plot(lines: Sequence[Mapping[str, Any]]) -> str:

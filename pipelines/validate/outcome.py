@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from toolkit import __version__
 from toolkit.errors import BadInputError
 
-from .score import Score
+from .score import Group, Pool, Score, model_of
+from .stress import Stress, worst_of
+from .verdict import complaints, verdict
 
 SCHEMA = "fit-material/validation/1"
 MAX_BYTES = 1 << 22
@@ -25,53 +28,91 @@ COLUMNS = (
 
 def outcome(found: Score, *, seconds: float, trials: str) -> dict[str, Any]:
     """What `--json` prints and the record keeps."""
+    said = complaints(found)
     return {
         "schema": SCHEMA,
         "version": __version__,
         "trials": trials,
         "renders": found.renders,
-        "verdict": found.verdict,
-        "good": not found.complaints,
-        "complaints": list(found.complaints),
-        "coverage": {f"{level:g}": share for level, share in found.coverage.items()},
-        "coverage_error": found.coverage_error,
-        "efficiency": found.efficiency,
-        "efficiency_error": found.efficiency_error,
-        "mean_z2": found.mean_z2,
+        "verdict": verdict(found),
+        "good": not said,
+        "complaints": list(said),
+        "coverage": _levels(found.all.coverage),
+        "coverage_error": found.all.coverage_error,
+        "efficiency": _or_null(found.all.efficiency),
+        "efficiency_error": _or_null(found.all.efficiency_error),
+        "mean_z2": found.all.mean_z2,
         "psnr_db": float(sorted(found.psnr_db)[len(found.psnr_db) // 2]) if len(found.psnr_db) else None,
         "false_alarms": found.false_alarms,
-        "parameters": [
-            {
-                "model": g.model,
-                "parameter": g.name,
-                "renders": g.count,
-                "coverage": {f"{level:g}": share for level, share in g.coverage.items()},
-                "mean_z": g.mean_z,
-                "mean_z2": g.mean_z2,
-                "rank_p": g.rank_p,
-                "relative_rmse": g.relative_rmse,
-                "rmse": g.unit_rmse,
-                "efficiency": g.efficiency,
-            }
-            for g in found.groups
-        ],
-        "stress": [
-            {
-                "assumption": s.name,
-                "amount": s.amount,
-                "renders": s.count,
-                "largest_shift_sd": s.shift,
-                "largest_shift_relative": s.relative,
-                "outside": s.outside,
-                "flagged": s.flagged,
-                "silent": s.silent,
-                "flags": list(s.flags),
-            }
-            for s in found.stress
-        ],
+        "models": [_pool(pool) for pool in found.models],
+        "parameters": [_pool(pool) for pool in found.parameters],
+        "groups": [_group(group) for group in found.groups],
+        "stress": [_stress(row) for row in found.stress],
+        "missed": [_missed(line) for line in found.missed],
         "failures": [dict(line) for line in found.failures],
         "seconds": seconds,
     }
+
+
+def _pool(pool: Pool) -> dict[str, Any]:
+    return {
+        "name": pool.name,
+        "renders": pool.count,
+        "coverage": _levels(pool.coverage),
+        "coverage_error": pool.coverage_error,
+        "mean_z2": pool.mean_z2,
+        "efficiency": _or_null(pool.efficiency),
+        "efficiency_error": _or_null(pool.efficiency_error),
+    }
+
+
+def _group(group: Group) -> dict[str, Any]:
+    return {
+        "model": group.model,
+        "parameter": group.name,
+        "renders": group.count,
+        "coverage": _levels(group.coverage),
+        "mean_z": group.mean_z,
+        "mean_z2": group.mean_z2,
+        "rank_p": group.rank_p,
+        "relative_rmse": group.relative_rmse,
+        "rmse": group.unit_rmse,
+        "efficiency": _or_null(group.efficiency),
+        "efficiency_error": _or_null(group.efficiency_error),
+    }
+
+
+def _stress(row: Stress) -> dict[str, Any]:
+    return {
+        "assumption": row.name,
+        "amount": row.amount,
+        "renders": row.count,
+        "largest_shift_sd": _or_null(row.shift),
+        "largest_shift_relative": _or_null(row.relative),
+        "outside": row.outside,
+        "flagged": row.flagged,
+        "silent": row.silent,
+        "misleads": row.misleads,
+        "flags": list(row.flags),
+    }
+
+
+def _missed(line: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "file": line["file"],
+        "model": model_of(line),
+        "flags": line["flags"],
+        "largest_shift_sd": worst_of(line),
+    }
+
+
+def _levels(coverage: Mapping[float, float]) -> dict[str, float]:
+    return {f"{level:g}": share for level, share in coverage.items()}
+
+
+def _or_null(value: float) -> float | None:
+    """JSON has no NaN."""
+    return value if math.isfinite(value) else None
 
 
 def table(lines: Sequence[Mapping[str, Any]]) -> str:
@@ -102,27 +143,40 @@ def read_record(path: Path) -> Mapping[str, Any]:
 
 
 def worse(now: Mapping[str, Any], before: Mapping[str, Any]) -> list[str]:
-    """What changed for the worse by more than chance, in words; empty where nothing did."""
-    said = []
-    off, was = (abs(float(one["coverage"]["0.9"]) - 0.9) for one in (now, before))
-    error = float((now["coverage_error"] ** 2 + before["coverage_error"] ** 2) ** 0.5)
-    if off - was > WORSE_SDS * error:
-        said.append(f"coverage of 90 % intervals went from {_percent(before)} to {_percent(now)}")
-    error = float((now["efficiency_error"] ** 2 + before["efficiency_error"] ** 2) ** 0.5)
-    if now["efficiency"] - before["efficiency"] > WORSE_SDS * error:
-        said.append(f"rmse over the bound went from {before['efficiency']:.3f} to {now['efficiency']:.3f}")
+    """What changed for the worse by more than chance, in words; empty where nothing did.
+
+    Each model and each parameter is compared for itself, so that the many that are well hide none that is not.
+    """
+    said: list[str] = []
+    for kind in ("models", "parameters"):
+        earlier = {pool["name"]: pool for pool in before[kind]}
+        for pool in now[kind]:
+            if pool["name"] in earlier:
+                said += _pool_worse(pool, earlier[pool["name"]])
     if len(now["failures"]) > len(before["failures"]):
         said.append(f"failures went from {len(before['failures'])} to {len(now['failures'])}")
+    error = math.sqrt(sum(one["false_alarms"] / one["renders"] for one in (now, before)))
+    if now["false_alarms"] - before["false_alarms"] > WORSE_SDS * error:
+        said.append(f"false alarms went from {100 * before['false_alarms']:.1f} to {100 * now['false_alarms']:.1f} %")
     if now["psnr_db"] is not None and before["psnr_db"] is not None and now["psnr_db"] < before["psnr_db"] - WORSE_DB:
         said.append(f"the diffuse layer's PSNR went from {before['psnr_db']:.1f} to {now['psnr_db']:.1f} dB")
-    silent = {(s["assumption"], s["amount"]) for s in before["stress"] if s["silent"] > 0.1}
+    misled = {(s["assumption"], s["amount"]) for s in before["stress"] if s["misleads"]}
     said += [
         f"{s['assumption']} {s['amount']:g} now misleads without an alarm"
         for s in now["stress"]
-        if s["silent"] * s["renders"] >= 2 and s["silent"] > 0.1 and (s["assumption"], s["amount"]) not in silent
+        if s["misleads"] and (s["assumption"], s["amount"]) not in misled
     ]
     return said
 
 
-def _percent(one: Mapping[str, Any]) -> str:
-    return f"{100 * one['coverage']['0.9']:.1f} %"
+def _pool_worse(now: Mapping[str, Any], before: Mapping[str, Any]) -> Iterator[str]:
+    off, was = (abs(one["coverage"]["0.9"] - 0.9) for one in (now, before))
+    if off - was > WORSE_SDS * math.hypot(now["coverage_error"], before["coverage_error"]):
+        shares = [f"{100 * one['coverage']['0.9']:.1f}" for one in (before, now)]
+        yield f"coverage of 90 % intervals of {now['name']} went from {shares[0]} to {shares[1]} %"
+    if None in (now["efficiency"], before["efficiency"]):
+        return
+    if now["efficiency"] - before["efficiency"] > WORSE_SDS * math.hypot(
+        now["efficiency_error"], before["efficiency_error"]
+    ):
+        yield f"rmse over the bound of {now['name']} went from {before['efficiency']:.3f} to {now['efficiency']:.3f}"

@@ -12,7 +12,10 @@ from toolkit.flags import MEANING, Flag
 
 from .broken import ASSUMPTIONS
 from .figures import model_plot, rank_plots, z_plots
-from .score import ALARMS, FAMILY_WISE, LEVELS, Score
+from .ranks import LEVELS
+from .score import MISS_SDS, Score, model_of
+from .stress import ALARMS, worst_of
+from .verdict import complaints, least_p, verdict
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -31,9 +34,14 @@ def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, t
         told=told,
         version=__version__,
         found=found,
-        good=not found.complaints,
+        verdict=verdict(found),
+        complaints=complaints(found),
         levels=LEVELS,
-        least_p=FAMILY_WISE / max(len(found.groups), 1),
+        least_p=least_p(found),
+        pools=(("over all parameters of a model", found.models), ("over all models that have it", found.parameters)),
+        miss_sds=MISS_SDS,
+        model_of=model_of,
+        worst_of=worst_of,
         assumptions=ASSUMPTIONS,
         alarms=sorted(ALARMS),
         meaning={flag: MEANING[Flag(flag)] for flag in ALARMS},

@@ -16,7 +16,7 @@ from toolkit.errors import UsageError
 from .design import Trial, fingerprint
 
 NAME = "trials.jsonl"
-SCHEMA = "fit-material/validation/1"
+SCHEMA = "fit-material/trials/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,14 +34,14 @@ class Record:
 
 
 @contextmanager
-def opened(folder: Path, trials: Sequence[Trial], *, resume: bool) -> Iterator[Record]:
+def opened(folder: Path, trials: Sequence[Trial], *, resume: bool, discrepancy: bool = True) -> Iterator[Record]:
     """The record in `folder`, begun anew unless `resume`; raises UsageError where it is of other trials."""
     path, design = folder / NAME, fingerprint(trials)
     lines = list(_lines(path)) if resume and path.exists() else []
     header, done = (lines[0], lines[1:]) if lines else ({}, [])
-    mine = {"schema": SCHEMA, "version": __version__, "design": design}
+    mine = {"schema": SCHEMA, "version": __version__, "design": design, "discrepancy": discrepancy}
     if header and dict(header) != mine:
-        raise UsageError(f"{path} is of other trials or another version; expected --overwrite, or another --out")
+        raise UsageError(f"{path} is of other trials, another version or another --discrepancy; expected --overwrite")
     with path.open("ab" if header else "wb") as stream:
         record = Record(stream=stream, before=tuple({line["number"]: line for line in done}.values()))
         if header:

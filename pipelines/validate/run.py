@@ -17,7 +17,7 @@ from .record import opened
 from .trial import run_trial
 
 Ended = Callable[[Mapping[str, Any]], None]
-KEPT = "failed"  # sub-folder of the photographs whose fit failed
+KEPT = "failed"  # sub-folder of the photographs whose fit failed or missed
 
 
 def run(
@@ -29,7 +29,9 @@ def run(
     """
     photographs = folder / KEPT
     photographs.mkdir(parents=True, exist_ok=True)
-    with opened(folder, trials, resume=resume) as record:
+    if not resume:
+        _forget(photographs)
+    with opened(folder, trials, resume=resume, discrepancy=discrepancy) as record:
         lines = {line["number"]: line for line in record.before}
         for line in lines.values():
             ended(line)
@@ -43,6 +45,12 @@ def run(
     if not any(photographs.iterdir()):
         photographs.rmdir()
     return [lines[trial.number] for trial in trials]
+
+
+def _forget(photographs: Path) -> None:
+    """Remove what an earlier run kept."""
+    for path in photographs.glob("trial-*"):
+        path.unlink()
 
 
 def _done(waiting: Sequence[Trial], work: Callable[[Trial], dict[str, Any]], workers: int) -> Any:  # noqa: ANN401

@@ -23,6 +23,7 @@ from toolkit.records import Estimate, Fit, Floats, MaterialReport
 
 from .broken import as_asked
 from .design import Trial
+from .score import missed
 from .shot import Shot, shoot, write
 
 Line = dict[str, Any]
@@ -30,7 +31,7 @@ INNER = 0.95  # of the radius: the limb's pixels are half background
 
 
 def run_trial(trial: Trial, folder: Path, *, discrepancy: bool = True) -> Line:
-    """The trial's line; a failure is a line too. The photograph of a failure is kept in `folder`, others are not."""
+    """The trial's line; a failure is a line too. The photograph of what failed or missed is kept in `folder`."""
     begin = time.perf_counter()
     shot = as_asked(shoot(trial), trial.broken, trial.amount)
     path, truth = write(shot, folder, trial.name)
@@ -43,10 +44,8 @@ def run_trial(trial: Trial, folder: Path, *, discrepancy: bool = True) -> Line:
         return line | {"status": "failed", "reason": str(error), "file": path.name}
     except Exception as error:  # a defect must show in the table, not end the run
         return line | {"status": "failed", "reason": f"{type(error).__name__}: {error}", "file": path.name}
-    path.unlink()
-    Path(f"{path}.toml").unlink()
     fit = report.fits[report.best]
-    return line | {
+    line |= {
         "status": "done",
         "flags": sorted({*report.flags, *fit.flags}),
         "numbers": list(_compared(fit, truth, {} if trial.broken else _bounds(report, shot, trial, truth))),
@@ -54,6 +53,11 @@ def run_trial(trial: Trial, folder: Path, *, discrepancy: bool = True) -> Line:
         "chi2_reduced": fit.chi2_reduced,
         "seconds": {"render": rendered, **report.seconds},
     }
+    if not trial.broken and missed(line):
+        return line | {"file": path.name}
+    path.unlink()
+    Path(f"{path}.toml").unlink()
+    return line
 
 
 def _fitted(path: Path, trial: Trial, *, discrepancy: bool) -> MaterialReport:
@@ -94,6 +98,7 @@ def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats, bound:
     mean, sd = np.atleast_1d(estimate.estimate), np.atleast_1d(estimate.sd)  # type: ignore[arg-type]  # not None here
     flat = draws.reshape(-1, len(truth))
     low, high = np.percentile(flat, [2.5, 97.5], axis=0)
+    to_prior = np.atleast_1d(estimate.posterior_to_prior)  # type: ignore[arg-type]  # there where an estimate is
     for c, true in enumerate(truth):
         yield {
             "name": name,
@@ -103,6 +108,7 @@ def _numbers(name: str, truth: Floats, estimate: Estimate, draws: Floats, bound:
             "sd": float(sd[c]),
             "rank": float((np.count_nonzero(flat[:, c] < true) + 0.5) / (len(flat) + 1.0)),
             "bound_sd": None if bound is None else float(bound[c]),
+            "bound_to_prior": None if bound is None else float(bound[c] * to_prior[c] / max(sd[c], 1e-300)),
             "interval_95": [float(low[c]), float(high[c])],
         }
 

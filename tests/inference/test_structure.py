@@ -19,21 +19,22 @@ from toolkit.inference.fit import fit, pose
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import doubted, fit_with_shifts, shifts_of
-from toolkit.inference.structure import LEAST_P, structure_p
+from toolkit.inference.structure import LEAST_P, structure_chances, structure_p
 from toolkit.io.read import read
 
 from .ball import NOISE, photograph, radiance_of
 
 
 def test_noise_alone_looks_like_noise() -> None:
-    """Over two dozen photographs of one render the chances are spread evenly: as many small ones as there should be."""
+    """Over two dozen photographs of one render both chances are spread evenly, small ones as often as large ones."""
     radiance, scene = radiance_of(120)
     model, chances = Model.named("torrance-sparrow"), []
     for seed in range(24):
         image = photograph(radiance, seed=seed)
-        chances.append(structure_p(fit(pose(model, scene, gather(image, scene), NOISE))))
-    assert kstest(chances, "uniform").pvalue > 0.01
-    assert min(chances) > LEAST_P
+        chances.append(structure_chances(fit(pose(model, scene, gather(image, scene), NOISE))))
+    for way in zip(*chances, strict=True):
+        assert kstest(way, "uniform").pvalue > 0.01
+        assert min(way) > LEAST_P
 
 
 def test_another_lobe_than_the_true_one_leaves_rings() -> None:

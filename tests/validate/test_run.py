@@ -15,7 +15,7 @@ import pytest
 from pipelines.cli import main
 from pipelines.validate.design import hypercube
 from pipelines.validate.record import NAME, opened
-from pipelines.validate.run import run
+from pipelines.validate.run import KEPT, run
 from toolkit.errors import UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +52,11 @@ def test_a_torn_line_is_passed_over_and_another_design_refused(tmp_path: Path) -
     with opened(tmp_path, trials, resume=True) as record:
         assert sorted(line["number"] for line in record.before) == [0, 1]
     with pytest.raises(UsageError, match="other trials"), opened(tmp_path, hypercube(4), resume=True):
+        pass
+    with (
+        pytest.raises(UsageError, match="another --discrepancy"),
+        opened(tmp_path, trials, resume=True, discrepancy=False),
+    ):
         pass
 
 
@@ -101,6 +106,15 @@ def test_killed_in_mid_run_it_goes_on_and_ends_as_if_it_had_not_been(
     assert main([*words, "--out", "whole"]) == 0
     assert "With this set-up" in capsys.readouterr().out
     assert Path("whole/validation.csv").read_bytes() == Path("broken/validation.csv").read_bytes()
+
+
+def test_a_run_begun_anew_forgets_what_an_earlier_one_kept(tmp_path: Path) -> None:
+    """Photographs of earlier failures go; without any the folder goes too."""
+    (tmp_path / KEPT).mkdir()
+    (tmp_path / KEPT / "trial-00007.dng").touch()
+    trials = hypercube(1)
+    run(trials, tmp_path, workers=1, resume=False, discrepancy=True, ended=lambda _: None)
+    assert not (tmp_path / KEPT).exists()
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ F D G / (4 n.v) with the separable Smith G; for Beckmann G1 is Walter's rational
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -85,8 +86,8 @@ class Ball:
         return middle + right * px_per_radius, middle - up * px_per_radius
 
 
-def render(ball: Ball, *, samples: int = 256) -> Floats:
-    """Linear radiance (H, W, 3), box-filtered, of `samples` (a square) per pixel.
+def render(ball: Ball, *, samples: int = 256, bsdf: Mapping[str, Any] | None = None) -> Floats:
+    """Linear radiance (H, W, 3), box-filtered, of `samples` (a square) per pixel; `bsdf` in place of the ball's own.
 
     Skips the test where Mitsuba or LLVM is missing.
     """
@@ -99,7 +100,7 @@ def render(ball: Ball, *, samples: int = 256) -> Floats:
             "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
             "sensor": _sensor(mitsuba, ball, samples),
             "light": _light(ball),
-            "ball": {"type": "sphere", "center": [*ball.shift, 0.0], "radius": 1.0, "bsdf": _bsdf(ball)},
+            "ball": {"type": "sphere", "center": [*ball.shift, 0.0], "radius": 1.0, "bsdf": bsdf or _bsdf(ball)},
         }
     )
     return np.array(mitsuba.render(scene, seed=1), dtype=float)

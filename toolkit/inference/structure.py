@@ -1,12 +1,17 @@
 """Is what the model leaves noise? A test of the residuals for structure, far sharper than their sum of squares.
 
 The noise of ten thousand cells hides a misfit that runs smoothly over the whole ball: it adds almost nothing to any
-one of them. So the residuals are asked only for what a broken assumption would leave: smooth patterns over the disc
-(stray light, a second lamp, an egg), and rings about the highlight (another lobe). Rao's score test (1948): the
-patterns' scores, judged by the covariance that is left once the fit has taken from them all that it can explain.
+one of them. So the residuals are asked only for what a broken assumption would leave, in two ways. Each channel for
+itself: smooth patterns over the disc (stray light, a second lamp), and rings about the highlight (another lobe). And
+as a share of the picture, the same in all channels, as everything that is wrong with the geometry leaves it: these
+patterns, and the rings' two lowest waves around the highlight (an egg, a light or outline that is off). Rao's score
+test (1948): the patterns' scores, judged by the covariance that is left once the fit has taken from them all that it
+can explain.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,58 +21,87 @@ from .cells import Cells
 from .fit import Optimum
 from .model import Columns, lit_by
 
-LEAST_P = 1e-4  # below it the residuals are not taken for noise
+LEAST_P = 1e-3  # below it the residuals are not taken for noise
 DEGREE = 5  # of the smooth patterns
 RINGS_RAD = (0.03, 0.06, 0.12, 0.24, 0.5)  # edges of the rings about the half vector
+WAVES = (1, 2)  # around each ring
 SMALLEST = 1e-6  # of a pattern's own variance, below which the fit has explained it away
 
 
 def structure_p(optimum: Optimum) -> float:
-    """Chance that noise alone leaves as much structure in the residuals as this fit has left."""
-    from scipy.stats import chi2
-
-    statistic, freedom = structure_of(optimum)
-    return float(chi2.sf(statistic, freedom)) if freedom else 1.0
+    """Chance that noise alone leaves as much structure in the residuals as this fit has left, in either way."""
+    chances = structure_chances(optimum)
+    return min(1.0, len(chances) * min(chances))
 
 
-def structure_of(optimum: Optimum) -> tuple[float, int]:
-    """The score statistic of all patterns in all channels, and its degrees of freedom."""
+def structure_chances(optimum: Optimum) -> tuple[float, float]:
+    """The chance of as much structure in each channel for itself, and of as much in all of them alike."""
     problem = optimum.problem
     columns = problem.columns(optimum.u, derivatives=True)
     predicted = problem.predict(columns, optimum.x)
-    patterns = _patterns(optimum)
-    count = patterns.shape[1]
-    score, kept, across = np.zeros(3 * count), np.zeros((3 * count,) * 2), np.zeros((len(optimum.joint), 3 * count))
-    for c, (data, weight) in enumerate(zip(problem.cells.channels, optimum.weights.weights, strict=True)):
-        mine = slice(c * count, (c + 1) * count)
-        here = patterns[data.rows] * weight[:, None]
-        score[mine] = here.T @ (data.value - predicted[c])
-        kept[mine, mine] = here.T @ patterns[data.rows]
-        across[:, mine] = _design(optimum, columns[c], c).T @ here
+    rows = [data.rows for data in problem.cells.channels]
+    plain, waves = _patterns(optimum)
+    both = np.hstack([plain, waves])
+    alike = [both[r] * p[:, None] for r, p in zip(rows, predicted, strict=True)]
+    apart = _apart([plain[r] for r in rows])
+    return _chance(optimum, columns, predicted, apart), _chance(optimum, columns, predicted, alike)
+
+
+def _chance(
+    optimum: Optimum, columns: Sequence[Columns], predicted: Sequence[Floats], patterns: Sequence[Floats]
+) -> float:
+    """Of a score statistic as large as that of patterns (n, K), one array a channel."""
+    from scipy.stats import chi2
+
+    count = patterns[0].shape[1]
+    score, kept, across = np.zeros(count), np.zeros((count, count)), np.zeros((len(optimum.joint), count))
+    for c, (data, weight) in enumerate(zip(optimum.problem.cells.channels, optimum.weights.weights, strict=True)):
+        here = patterns[c] * weight[:, None]
+        score += here.T @ (data.value - predicted[c])
+        kept += here.T @ patterns[c]
+        across += _design(optimum, columns[c], c).T @ here
     left = kept - across.T @ np.linalg.solve(optimum.joint, across)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(kept), 1e-300))
     values, vectors = np.linalg.eigh(left * scale[:, None] * scale)
     whole = values > SMALLEST
     projected = vectors[:, whole].T @ (score * scale)
-    return float(np.sum(projected**2 / values[whole])), int(whole.sum())
+    return float(chi2.sf(np.sum(projected**2 / values[whole]), whole.sum())) if whole.any() else 1.0
 
 
-def _patterns(optimum: Optimum) -> Floats:
-    """Smooth polynomials over the disc and rings about each highlight (N, K), at the cells' places."""
+def _apart(patterns: Sequence[Floats]) -> list[Floats]:
+    """Each channel's patterns (n, K) in columns of their own (n, 3 K)."""
+    count = patterns[0].shape[1]
+    found = []
+    for c, mine in enumerate(patterns):
+        wide = np.zeros((len(mine), len(patterns) * count))
+        wide[:, c * count : (c + 1) * count] = mine
+        found.append(wide)
+    return found
+
+
+def _patterns(optimum: Optimum) -> tuple[Floats, Floats]:
+    """Smooth polynomials over the disc and rings about each highlight (N, K), and waves around the rings (N, L)."""
     scene, cells = optimum.problem.scene, optimum.problem.cells
     (cx, cy), radius = scene.sphere.centre_px, scene.sphere.radius_px
     x, y = (cells.x_px - cx) / radius, (cells.y_px - cy) / radius
     smooth = [x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
-    return np.stack([*smooth, *_rings(optimum, cells)], axis=1)
-
-
-def _rings(optimum: Optimum, cells: Cells) -> list[Floats]:
-    found = []
-    for lit in lit_by(optimum.problem.scene, cells.x_px, cells.y_px):
+    rings: list[Floats] = []
+    waves: list[Floats] = []
+    for lit in lit_by(scene, cells.x_px, cells.y_px):
         theta = np.arcsin(np.sqrt(np.clip(lit.cosines.sin2_h, 0.0, 1.0)))
-        edges = (0.0, *RINGS_RAD)
-        found += [((theta >= a) & (theta < b)).astype(float) for a, b in zip(edges, RINGS_RAD, strict=False)]
-    return found
+        mine, around = _rings(theta), _around(cells, int(np.argmin(theta)))
+        rings += mine
+        waves += [ring * f(m * around) for ring in mine for m in WAVES for f in (np.cos, np.sin)]
+    return np.stack([*smooth, *rings], axis=1), np.stack(waves, axis=1)
+
+
+def _rings(theta: Floats) -> list[Floats]:
+    return [((theta >= a) & (theta < b)).astype(float) for a, b in zip((0.0, *RINGS_RAD), RINGS_RAD, strict=False)]
+
+
+def _around(cells: Cells, middle: int) -> Floats:
+    """Azimuth of the cells about one of them, rad."""
+    return np.asarray(np.arctan2(cells.y_px - cells.y_px[middle], cells.x_px - cells.x_px[middle]))
 
 
 def _design(optimum: Optimum, columns: Columns, channel: int) -> Floats:
