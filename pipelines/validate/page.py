@@ -38,7 +38,7 @@ def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, t
         complaints=complaints(found),
         levels=LEVELS,
         least_p=least_p(found),
-        pools=(("over all parameters of a model", found.models), ("over all models that have it", found.parameters)),
+        pools=(("model, over its parameters", found.models), ("parameter, over its models", found.parameters)),
         miss_sds=MISS_SDS,
         model_of=model_of,
         worst_of=worst_of,

@@ -10,7 +10,8 @@ import numpy as np
 
 from toolkit.flags import Flag
 
-MOST_SILENT = 0.1  # of the trials of a broken assumption; 5 % leave their intervals by chance
+BY_CHANCE = 0.05  # of right answers leave their 95 % intervals
+LEAST_P = 0.02  # chance of as many silent ones, from which they are not put down to it: 3 of 12
 FAR_SDS = 4.0  # beyond which a rank among some thousand draws no longer tells how far
 ALARMS = frozenset(  # flags that say: do not believe these numbers
     {
@@ -44,8 +45,10 @@ class Stress:
 
     @property
     def misleads(self) -> bool:
-        """Whether it leads astray in silence more often than chance does: in two trials or more."""
-        return self.silent > MOST_SILENT and self.silent * self.count >= 1.5  # 1.5: a whole number after rounding
+        """Whether it leads astray in silence more often than chance explains."""
+        from scipy.stats import binom
+
+        return bool(binom.sf(round(self.silent * self.count) - 1, self.count, BY_CHANCE) < LEAST_P)
 
 
 def stress_of(lines: Sequence[Mapping[str, Any]]) -> tuple[Stress, ...]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from .broken import ASSUMPTIONS
 from .score import Pool, Score
+from .stress import Stress
 
 BAND_90 = (0.87, 0.93)  # of a 90 % interval's coverage, over all and for each model
 MOST_RATIO = 1.05  # of rmse over the bound, for each parameter over all models
@@ -71,8 +73,13 @@ def _alarms(found: Score) -> Iterator[str]:
         yield f"{count} fit{'s' if count > 1 else ''} failed"
     if found.false_alarms > MOST_FALSE_FLAGS:
         yield f"{100 * found.false_alarms:.1f} % of clean renders raised an alarm"
-    if silent := [f"{s.name} {s.amount:g}" for s in found.stress if s.misleads]:
+    if silent := [_in_words(row) for row in found.stress if row.misleads]:
         yield f"wrong answers without an alarm for {_few(silent)}"
+
+
+def _in_words(row: Stress) -> str:
+    of = ASSUMPTIONS[row.name]
+    return f"{of.says} ({row.amount:g} {of.unit})" if of.unit else of.says
 
 
 def _few(names: list[str]) -> str:

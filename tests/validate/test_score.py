@@ -101,10 +101,10 @@ def test_failures_false_alarms_and_silence_are_named() -> None:
     said = " ".join(complaints(score(record + stressed)))
     assert "1 fit failed" in said
     assert "raised an alarm" in said
-    assert "stray 5" in said
+    assert "stray light (5 % of the body)" in said
     for line in stressed:
         line["flags"] = ["structured_residuals"]
-    assert "stray 5" not in " ".join(complaints(score(record + stressed)))
+    assert "stray light" not in " ".join(complaints(score(record + stressed)))
 
 
 def test_the_chance_of_even_ranks_is_even() -> None:
