@@ -52,7 +52,8 @@ def _together(
             while waiting and len(out) < AHEAD * crew.workers and not why:
                 job = replace(waiting.popleft(), beacon=beacons)
                 why = _submit(executor, work, job, out, waiting)
-            for future in wait(out, return_when=FIRST_COMPLETED).done if out else ():
+            over = wait(out, return_when=FIRST_COMPLETED).done if out else set()
+            for future in [one for one in out if one in over]:  # of several that ended, as they were handed out
                 job = out.pop(future)
                 outcome = _outcome(future, job)
                 if isinstance(outcome, str):
