@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipelines.report.text import clean
-from toolkit.errors import BadInputError
 
-from .card import SUFFIX
-from .finish import OBJECT
-from .places import inside
-from .rows import CHANNELS, read_result
+from .held import Held, is_number
+from .rows import CHANNELS, Lobes, lobes_of
 
 LEVEL = 0.05  # chance of any false "changed" in the whole comparison (Holm 1979)
-MAX_BYTES = 1 << 28
-Lobes = tuple[str, str, str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Held:
-    """What a path holds: results by name (one of them, or a batch's), and a batch's pooled numbers."""
-
-    path: Path
-    one: bool
-    results: Mapping[str, Mapping[str, Any]]
-    pooled: Mapping[tuple[str, ...], tuple[float, float]]
-    failed: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,66 +44,6 @@ class Comparison:
     def changed(self) -> list[Change]:
         """What changed beyond its uncertainty, the surest first."""
         return sorted((one for one in self.numbers if one.changed), key=lambda one: -abs(one.z))
-
-
-def hold(path: Path) -> Held:
-    """Read STEM.json, a folder of one result, or a batch's folder; raises BadInputError for anything else."""
-    if (path / OBJECT).is_file():
-        return _batch(path)
-    file = path if path.is_file() else _result_in(path) if path.is_dir() else None
-    result = _result(file) if file is not None else {}
-    if file is None or not result:
-        raise BadInputError(f"{path} holds no result; expected STEM.json, its folder, or the folder of a batch")
-    return Held(path=path, one=True, results={clean(file.stem): result}, pooled={})
-
-
-def _result_in(folder: Path) -> Path | None:
-    others = (SUFFIX, ".run.json")
-    found = [path for path in sorted(folder.glob("*.json")) if not path.name.endswith(others)]
-    return found[0] if len(found) == 1 else None
-
-
-def _result(path: Path) -> dict[str, Any]:
-    """A result with fits; empty for another object."""
-    found = read_result(path)
-    return found if found.get("schema") == "fit-material/1" and isinstance(found.get("fits"), list) else {}
-
-
-def _batch(path: Path) -> Held:
-    told = _object(path / OBJECT)
-    results, failed = {}, set()
-    for row in told["photographs"]:
-        name = str(row.get("place"))
-        folder = inside(path, PurePosixPath(name))
-        file = _result_in(folder) if folder.is_dir() else None
-        result = _result(file) if file is not None and row.get("status") == "done" else {}
-        if result:
-            results[name] = result
-        else:
-            failed.add(name)
-    return Held(path=path, one=False, results=results, pooled=dict(_pooled(told)), failed=frozenset(failed))
-
-
-def _object(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_bytes()) if path.stat().st_size <= MAX_BYTES else None
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInputError(f"{path} cannot be read as a batch's table; expected the folder of a batch") from error
-    rows = found.get("photographs") if isinstance(found, dict) else None
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise BadInputError(f"{path} is no batch's table; expected the folder of a batch")
-    return found if isinstance(found, dict) else {}
-
-
-def _pooled(told: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], tuple[float, float]]]:
-    for row in told.get("materials") or ():
-        keys = ("material", "model", "variant", "diffuse", "parameter", "channel")
-        if isinstance(row, dict) and _known(row.get("mean")) and _known(row.get("sd")):
-            yield tuple(str(row.get(key)) for key in keys), (row["mean"], row["sd"])
-
-
-def _known(value: object) -> bool:
-    return isinstance(value, float | int) and math.isfinite(value)
 
 
 def compare(a: Held, b: Held) -> Comparison:
@@ -169,18 +91,12 @@ def _photograph(name: str, before: Mapping[str, Any], after: Mapping[str, Any], 
 
 
 def _fits(result: Mapping[str, Any]) -> dict[Lobes, Mapping[str, Any]]:
-    return {_lobes(fit): fit for fit in result["fits"] if isinstance(fit, dict) and fit.get("status") == "converged"}
-
-
-def _lobes(fit: Mapping[str, Any]) -> Lobes:
-    variant = fit.get("variant")
-    options = " ".join(f"{k}={v}" for k, v in sorted(variant.items())) if isinstance(variant, dict) else ""
-    return clean(fit.get("model")), clean(options), clean(fit.get("diffuse"))
+    return {lobes_of(fit): fit for fit in result["fits"] if isinstance(fit, dict) and fit.get("status") == "converged"}
 
 
 def _best(result: Mapping[str, Any]) -> Lobes | None:
     best, fits = result.get("best"), result["fits"]
-    return _lobes(fits[best]) if isinstance(best, int) and 0 <= best < len(fits) else None
+    return lobes_of(fits[best]) if isinstance(best, int) and 0 <= best < len(fits) else None
 
 
 def _common(best: Sequence[Lobes | None], fits: Sequence[Mapping[Lobes, Mapping[str, Any]]]) -> Lobes | None:
@@ -214,7 +130,7 @@ def _numbers(name: str, lobes: Lobes, before: Mapping[str, Any], after: Mapping[
             continue
         for channel, numbers in enumerate(zip(*parts, strict=True)):
             label = f"{clean(parameter)}{f' {CHANNELS[channel]}' if 1 < len(parts[0]) <= len(CHANNELS) else ''}"
-            if all(_known(number) for number in numbers):
+            if all(is_number(number) for number in numbers):
                 yield _change(name, label, _words(lobes), *numbers)
 
 
@@ -252,8 +168,6 @@ def _change(
 
 def judged(drafts: Sequence[Change]) -> list[Change]:
     """Which changed: Holm's step-down, so that the chance of any false one among all is at most LEVEL."""
-    from dataclasses import replace
-
     order = sorted(range(len(drafts)), key=lambda i: drafts[i].p)
     found: set[int] = set()
     for rank, index in enumerate(order):

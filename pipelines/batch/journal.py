@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from pipelines.report.folder import sync
 from toolkit.errors import UsageError
 
 from .job import Outcome
@@ -68,7 +69,7 @@ def journal(out_dir: Path, *, version: str, resume: bool) -> Iterator[Journal]:
             _close_torn_line(stream, path)
         if header is None:
             _append(stream, {"schema": SCHEMA, "version": version})
-            _sync_folder(out_dir)
+            sync(out_dir)
         yield Journal(stream=stream, version=version, before=before)
 
 
@@ -124,11 +125,3 @@ def _append(stream: IO[bytes], line: Mapping[str, Any]) -> None:
     stream.write(json.dumps(line, ensure_ascii=True).encode() + b"\n")
     stream.flush()
     os.fsync(stream.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

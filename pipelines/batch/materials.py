@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .pool import Pooled, far_out, far_threshold, pooled
+from .outliers import far_out, far_threshold
+from .pool import Pooled, pooled
 from .rows import CHANNELS, Lobes, Row
 
 FEWEST = 2

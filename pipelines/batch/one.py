@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
+from pipelines.report.stored import read_result
 from pipelines.report.text import stem
 from toolkit.errors import BadInputError, FitMaterialError
 
@@ -115,8 +116,6 @@ def _made(job: Job, key: Mapping[str, str], begin: float) -> Outcome:
 
 def _judged(job: Job, key: Mapping[str, str], status: str, digest: str, seconds: float) -> Outcome:
     """A result with an error in it (the best fit did not converge) is there, and has failed."""
-    from .rows import read_result
-
     error = read_result(result_of(job)).get("error")
     return Outcome(
         number=job.number,

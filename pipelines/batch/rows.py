@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipelines.report.stored import read_result
 from pipelines.report.text import clean, stem
 
 from .card import SUFFIX, read_card
 from .job import Outcome
 from .photograph import Photograph
 
-MAX_RESULT_BYTES = 1 << 26
 CHANNELS = ("r", "g", "b")
 PARTS = ("", "_sd", "_low90", "_high90")  # of each parameter: estimate, sd, ends of the 90 % interval
 Cell = str | float | int | bool | None
@@ -60,17 +59,6 @@ def row_of(photograph: Photograph, place: str, outcome: Outcome, out_dir: Path) 
         page=f"{place}/{name}.html" if there and (folder / f"{name}.html").is_file() else "",
         card=f"{place}/{name}{SUFFIX}" if card else "",
     )
-
-
-def read_result(path: Path) -> dict[str, Any]:
-    """STEM.json; empty where there is none that can be read."""
-    try:
-        if path.stat().st_size > MAX_RESULT_BYTES:
-            return {}
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def shown_name(photograph: Photograph) -> str:
@@ -121,9 +109,7 @@ def _numbers(result: Mapping[str, Any], card: Mapping[str, Any]) -> dict[str, Ce
     }
     if best is not None:
         cells |= {
-            "model": best["model"],
-            "variant": _variant(best),
-            "diffuse": best["diffuse"],
+            **dict(zip(("model", "variant", "diffuse"), lobes_of(best), strict=True)),
             "preferred": result["preferred"] == result["best"],
             "chi2_reduced": best["chi2_reduced"],
             "elpd": best["elpd"],
@@ -135,8 +121,11 @@ def _numbers(result: Mapping[str, Any], card: Mapping[str, Any]) -> dict[str, Ce
     return cells
 
 
-def _variant(fit: Mapping[str, Any]) -> str:
-    return " ".join(f"{option}={choice}" for option, choice in sorted(fit["variant"].items()))
+def lobes_of(fit: Mapping[str, Any]) -> Lobes:
+    """What a fit was made with."""
+    options = fit.get("variant")
+    words = " ".join(f"{name}={one}" for name, one in sorted(options.items())) if isinstance(options, dict) else ""
+    return clean(fit.get("model")), clean(words), clean(fit.get("diffuse"))
 
 
 def _parameter(name: str, numbers: Mapping[str, Any]) -> dict[str, Cell]:
@@ -155,7 +144,7 @@ def _parameter(name: str, numbers: Mapping[str, Any]) -> dict[str, Cell]:
 
 def _fits(result: Mapping[str, Any]) -> dict[Lobes, FitNumbers]:
     return {
-        (fit["model"], _variant(fit), fit["diffuse"]): FitNumbers(
+        lobes_of(fit): FitNumbers(
             elpd=fit["elpd"],
             parameters={
                 name: (

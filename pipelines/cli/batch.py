@@ -168,8 +168,9 @@ def _run(photographs: list[Photograph], options: Options, where: BatchFlags, ter
 
 
 def _ended(item: Item, outcome: Outcome, options: Options, watch: Watch, terminal: Terminal) -> None:
-    from pipelines.batch.rows import read_result, shown_name
+    from pipelines.batch.rows import shown_name
     from pipelines.report.result import failure_object
+    from pipelines.report.stored import read_result
     from pipelines.report.text import stem
 
     name = shown_name(item.photograph)

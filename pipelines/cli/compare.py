@@ -31,7 +31,7 @@ def compare(
     Example: fit-material compare monday.fits friday.fits
     """
     from pipelines.batch.compare import compare as side_by_side
-    from pipelines.batch.compare import hold
+    from pipelines.batch.held import hold
 
     terminal = Terminal(json=json, debug=debug)
     found = side_by_side(hold(a), hold(b))

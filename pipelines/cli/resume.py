@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import toolkit
 from pipelines.layers import read_settings
+from pipelines.report.stored import read_result
 from pipelines.report.text import stem
 from toolkit.errors import FitMaterialError, UsageError
 
 if TYPE_CHECKING:
     from pipelines.settings import Settings
 
-MAX_RESULT_BYTES = 1 << 26
-
 
 def finished(image: Path, out: Path, settings: Settings) -> Mapping[str, Any] | None:
     """The result object in `out`, None where a run did not end; raises UsageError where it is of something else."""
     name = stem(image.name)
-    result = _read_result(out / f"{name}.json")
-    if result is None:
+    result = read_result(out / f"{name}.json")
+    if result.get("status") != "ok":
         return None
     different = [what for what, same in _same(image, settings, result, out / f"{name}.settings.toml") if not same]
     if different:
@@ -39,16 +37,6 @@ def _same(image: Path, settings: Settings, result: Mapping[str, Any], written: P
         ("other settings", _read_back(written) == settings),
         ("another version", _inner(result, "software", "fit-material") == toolkit.__version__),
     ]
-
-
-def _read_result(path: Path) -> Mapping[str, Any] | None:
-    try:
-        if path.stat().st_size > MAX_RESULT_BYTES:
-            return None
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) and found.get("status") == "ok" else None
 
 
 def _read_back(path: Path) -> Settings | None:

@@ -46,14 +46,14 @@ def _whole(out_dir: Path, last: str) -> Iterator[Path]:
     try:
         yield draft
         for path in draft.iterdir():
-            _sync(path)
+            sync(path)
         draft.chmod(0o777 & ~_umask())
         if exists or out_dir.exists():
             _move_into(draft, out_dir, last)
         else:
             draft.rename(out_dir)
-            _sync(out_dir)
-        _sync(home)
+            sync(out_dir)
+        sync(home)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
@@ -64,7 +64,7 @@ def _move_into(draft: Path, out_dir: Path, last: str) -> None:
         path.replace(out_dir / path.name)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """Wait until the disk holds it; a rename before that could survive a power cut that the bytes do not."""
     handle = os.open(path, os.O_RDONLY)
     try:

@@ -17,7 +17,7 @@ def planned(folder: Path) -> Iterator[Path]:
     import pipelines.fit_material
     from pipelines.report import write
 
-    folder.mkdir()
+    folder.mkdir(parents=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(fake.PLAN, str(folder))
         patch.setattr("pipelines.fit_material.fit_material", pipelines.fit_material.fit_material)

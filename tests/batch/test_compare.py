@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipelines.batch.compare import Held, compare, hold, judged
 from pipelines.batch.compare import _change as change
+from pipelines.batch.compare import compare, judged
+from pipelines.batch.held import Held, hold
 from pipelines.cli import main
 from pipelines.report.result import result_object
 from tests.pipelines import fakes

