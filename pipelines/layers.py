@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -60,7 +61,7 @@ def settings_of(layers: Sequence[Layer]) -> Settings:
 def sidecar_of(image: Path | None) -> Path | None:
     """`ball.dng.toml` beside `ball.dng`, where there is one."""
     beside = image.with_name(image.name + ".toml") if image is not None and image.name else None
-    return beside if beside is not None and beside.is_file() else None
+    return beside if beside is not None and os.path.isfile(beside) else None  # noqa: PTH113  # pathlib's raises on long names
 
 
 def read_settings(path: Path) -> Settings:
@@ -71,6 +72,9 @@ def read_settings(path: Path) -> Settings:
 def read_layer(path: Path) -> Layer:
     """One TOML file of at most 256 KiB; raises BadInputError with one line."""
     name = shown(path.name)
+    if path.exists() and not path.is_file():
+        found = "a folder" if path.is_dir() else "a device or pipe"
+        raise BadInputError(f"{name}: {found}; expected a scene file in TOML")
     try:
         with path.open("rb") as stream:
             data = stream.read(MAX_TOML_BYTES + 1)
@@ -85,8 +89,14 @@ def _parse(data: bytes, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # not UTF-8, not TOML, or nested beyond reason
-        reason = "nested too deeply" if isinstance(error, RecursionError) else shown(str(error))
+        reason = _why_no_toml(error)
         raise BadInputError(f"{name}: {reason}; expected a scene file in TOML") from error
+
+
+def _why_no_toml(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    return "not text in UTF-8" if isinstance(error, UnicodeDecodeError) else shown(str(error))
 
 
 def preset_names() -> tuple[str, ...]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Literal
 
-from toolkit.errors import BadInputError
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import bounding_box
 from toolkit.records import Camera, LinearImage, RawFrame, Scene, Sphere
 
+from .checks import check_lights, check_sphere
+from .exposure import check_exposure, exposure_explains
 from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
 
-FEWEST_RADIUS_PX = 12.0
 ESTIMATED_LIGHT_SD_DEG = 3.0  # at least, of a light read off its own highlight
 
 
@@ -26,19 +26,21 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     noise, transfer = noise_of_settings(settings), settings.image.transfer
     if sphere is None:
         whole = linearise(frame, transfer=transfer, noise=noise)
-        sphere, uncertain = detected(whole, camera)
+        with exposure_explains(whole):
+            sphere, uncertain = detected(whole, camera)
         noise = whole.noise
         flags += [Flag.SPHERE_UNCERTAIN] if uncertain else []
-    _check_sphere(sphere.centre_px, sphere.radius_px, width, height)
+    check_sphere(sphere, width, height)
     lights = lights_of(settings)
     known = bool(lights) and all(light.irradiance for light in lights)
     scale: Literal["absolute", "relative"] = "absolute" if known else "relative"
     scene = Scene(camera=camera, sphere=sphere, lights=lights, scale=scale)
+    check_lights(scene)
     image = linearise(frame, box=bounding_box(scene, width, height), transfer=transfer, noise=noise)
+    check_exposure(image, scene)
     if not lights:
         scene = _estimate_light(image, scene)
         flags.append(Flag.LIGHT_ESTIMATED)
-    _check_lights(scene)
     return image, scene, tuple(flags)
 
 
@@ -50,28 +52,6 @@ def detected(whole: LinearImage, camera: Camera) -> tuple[Sphere, bool]:
     picture = quads(whole)
     found = find_sphere(picture.values, origin_px=picture.origin_px, step_px=picture.step_px, camera=camera)
     return found.sphere, found.uncertain
-
-
-def _check_sphere(centre_px: tuple[float, float], radius_px: float, width: int, height: int) -> None:
-    x, y = centre_px
-    if radius_px < FEWEST_RADIUS_PX:
-        raise BadInputError(
-            f"sphere.radius_px is {radius_px:.1f}; expected {FEWEST_RADIUS_PX:.0f} px or more: photograph it larger"
-        )
-    if min(x, y, width - 1 - x, height - 1 - y) < 0:
-        raise BadInputError(
-            f"the sphere's centre ({x:.1f}, {y:.1f}) lies outside the {width} x {height} frame; "
-            "expected pixel coordinates, x right and y down from the first pixel"
-        )
-
-
-def _check_lights(scene: Scene) -> None:
-    for light in scene.lights:
-        if light.direction[2] < -0.95:
-            raise BadInputError(
-                f"the light's direction {[round(v, 3) for v in light.direction]} lights the "
-                "far side of the sphere; expected a direction towards the light, z towards the camera"
-            )
 
 
 def _estimate_light(image: LinearImage, scene: Scene) -> Scene:

@@ -18,7 +18,7 @@ from .help import Columns
 from .light import light
 from .models import models
 from .render import render
-from .terminal import Terminal
+from .terminal import Terminal, open_closed_streams
 from .validate import validate
 
 HELP = """Estimate what a surface is made of, optically, from a photograph of a sphere.
@@ -59,6 +59,7 @@ def completion(shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code. `argv` are the words after the program's name."""
+    open_closed_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     terminal = Terminal(json="--json" in words or "--jsonl" in words, debug="--debug" in words)
     try:

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from toolkit.errors import BadInputError, UsageError
+from toolkit.errors import UsageError
 from toolkit.flags import Flag
 
 from .flags import OUTPUT, RUN, FitFlags, SceneFlags, TalkFlags, Texts, settings_for
+from .places import refuse_image, refuse_place
 from .terminal import Terminal
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def _try_one(image: Path, out: Path, run: Run) -> int:
 
 
 def _one(image: Path, out: Path, run: Run) -> int:
-    _refuse_image(image)
+    refuse_image(image)
     settings = settings_for(image, run.scene, run.fit)
     finished = _finished(image, out, settings, run.output)
     if run.output.dry_run:
@@ -147,13 +148,6 @@ def _one(image: Path, out: Path, run: Run) -> int:
         return 0
     report = _fit_and_write(image, out, settings, run)
     return _tell(report, settings, out, run)
-
-
-def _refuse_image(image: Path) -> None:
-    if image.is_dir():
-        raise BadInputError(f"{image} is a folder; expected an image file")
-    if not image.exists():
-        raise BadInputError(f"{image} does not exist; expected an image file")
 
 
 def _fit_and_write(image: Path, out: Path, settings: Settings, run: Run) -> MaterialReport:
@@ -197,8 +191,7 @@ def _finished(image: Path, out: Path, settings: Settings, output: OutputFlags) -
     """A finished result of this very image and these settings, to be kept; raises UsageError on any other."""
     from pipelines.report.write import output_names
 
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"{out} is a file; expected a folder for the results: --out DIR")
+    refuse_place(out)
     there = [name for name in output_names(image.name, exports=output.export) if (out / name).exists()]
     if output.overwrite or not there:
         return None

@@ -68,7 +68,8 @@ class Terminal:
         text = line(error)
         if self.debug:
             _stderr("".join(traceback.format_exception(error)).rstrip())
-        self.error(f"{name}: {text}" if name and not text.startswith(name) else text)
+        said = text.removeprefix(f"{os.path.basename(name)}: ")  # noqa: PTH119  # pathlib would be this module's only use
+        self.error(f"{name}: {said}" if name and not text.startswith(f"{name} ") else text)
         if self.json:
             from pipelines.report.result import failure_object
 
@@ -131,6 +132,17 @@ def line(error: Exception) -> str:
         return f"{place}{error.strerror or error}; expected a place that can be read and written"
     reason = str(error).partition("\n")[0]
     return f"unexpected {type(error).__name__}: {reason}; this is a defect of fit-material, --debug shows where"
+
+
+def open_closed_streams() -> None:
+    """A standard stream that was closed (`>&-`) goes nowhere, and no file that is opened later takes its number."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
+            if handle != number:
+                os.dup2(handle, number)
+                os.close(handle)
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115  # lives as long as the process
 
 
 def _stderr(text: str) -> None:

@@ -82,7 +82,7 @@ def test_the_model_that_made_it_is_preferred_by_default(ball: Path) -> None:
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"light": [{"kind": "directional", "direction": [0, 0, -1]}]}, "far side"),
+        ({"light": [{"kind": "directional", "direction": [0, 0, -1]}]}, "behind the sphere"),
         ({"sphere": {"centre_px": [180, 180], "radius_px": 5}}, "radius"),
         ({"sphere": {"centre_px": [2000, 180], "radius_px": 100}}, "outside"),
         (
@@ -90,12 +90,12 @@ def test_the_model_that_made_it_is_preferred_by_default(ball: Path) -> None:
                 "light": [{"kind": "directional", "direction": [1, 0, -0.9]}],
                 "sphere": {"centre_px": [180, 180], "radius_px": 14},
             },
-            "lit places",
+            "explains",
         ),
     ],
 )
 def test_an_impossible_scene_is_refused(ball: Path, values: dict[str, Any], line: str) -> None:
-    """Light behind the ball, a ball too small or outside the frame, nothing lit: one line each."""
+    """Light behind the ball, a ball too small or outside the frame, lit from elsewhere: one line each."""
     with pytest.raises(BadInputError, match=line) as caught:
         fit_material(ball, settings(ball, **values))
     assert "\n" not in str(caught.value)

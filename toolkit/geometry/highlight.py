@@ -7,6 +7,7 @@ alone would do: the brightest place of a rough ball is not its highlight, and sh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,24 @@ def light_from_highlight(
     return LightFound(direction=(x, y, z), sd_deg=SD_DEG if glossy else UNSEEN_SD_DEG, highlight_seen=glossy)
 
 
+def unexplained(
+    picture: Floats,
+    directions: Sequence[tuple[float, float, float]],
+    *,
+    sphere: Sphere,
+    camera: Camera,
+    origin_px: tuple[float, float],
+    step_px: float,
+    flags: NDArray[np.uint8] | None = None,
+) -> float:
+    """The share of a sphere's shading, as variance, that far lights from these directions leave unexplained."""
+    seen, value = _places(picture, sphere, camera, origin_px, step_px, flags)
+    shading = float(np.sum((value - value.mean()) ** 2))
+    columns = [np.ones((len(value), 1)), *(_lobes(seen, np.asarray(light)) for light in directions)]
+    full = np.concatenate(columns, axis=1)
+    return float(np.sum((value - full @ _nonnegative(full, value)) ** 2)) / max(shading, 1e-30)
+
+
 def _places(
     picture: Floats,
     sphere: Sphere,
@@ -98,14 +117,20 @@ def _directions() -> Floats:
 
 def _residual(seen: Surface, value: Floats, light: Floats) -> tuple[float, float]:
     """Sum of squares left under a light, and the share of Lambert's residual that the lobes remove."""
+    lobes = _lobes(seen, light)
+    matte = np.column_stack([lobes[:, 0], np.ones(len(lobes))])
+    full = np.column_stack([matte, lobes[:, 1:]])
+    squares = [float(np.sum((value - a @ _nonnegative(a, value)) ** 2)) for a in (matte, full)]
+    return squares[1], 1.0 - squares[1] / max(squares[0], 1e-30)
+
+
+def _lobes(seen: Surface, light: Floats) -> Floats:
+    """Columns (N, 3) of radiance under a light: Lambert's cosine, a broad and a sharp highlight."""
     half = light + seen.view
     half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
     lit = np.maximum(seen.normal @ light, 0.0)
     cosine = np.maximum(np.einsum("ni,ni->n", seen.normal, half), 0.0) * (lit > 0)
-    matte = np.stack([lit, np.ones_like(lit)], axis=1)
-    full = np.column_stack([matte, *(cosine**n for n in GLOSSES)])
-    squares = [float(np.sum((value - a @ _nonnegative(a, value)) ** 2)) for a in (matte, full)]
-    return squares[1], 1.0 - squares[1] / max(squares[0], 1e-30)
+    return np.column_stack([lit, *(cosine**n for n in GLOSSES)])
 
 
 def _nonnegative(columns: Floats, value: Floats) -> Floats:

@@ -31,7 +31,8 @@ def check(decoded: Decoded, file_bytes: int) -> None:
         raise BadInputError(f"it decodes to {width} x {height} pixels; a photograph has at least {_SMALLEST} a side")
     some = _sample(values)
     if _constant(some) and _constant(values):
-        raise BadInputError("it decodes to nothing: every sample is the same; copy it from the camera again")
+        raise BadInputError(_same_everywhere(decoded))
+    _check_channels(decoded, some)
     if values.dtype.kind == "f":
         return
     if decoded.format == "raw":
@@ -52,6 +53,30 @@ def _constant(values: NDArray[Any]) -> bool:
     if values.dtype.kind == "f":
         values = values[np.isfinite(values)]
     return values.size == 0 or bool(values.min() == values.max())
+
+
+def _same_everywhere(decoded: Decoded) -> str:
+    if not np.isfinite(decoded.values).any():
+        return "it decodes to nothing: no sample is a finite number; render or export it again"
+    level, white = float(np.max(decoded.values)), float(np.min(decoded.white))
+    if level >= 0.99 * white:
+        return f"every sample is at {level:g}, its white level; expected a photograph not all clipped: expose shorter"
+    return "it decodes to nothing: every sample is the same; copy it from the camera again"
+
+
+def _check_channels(decoded: Decoded, some: NDArray[Any]) -> None:
+    """Three colours are measured only where each of them varies."""
+    colours = range(3) if decoded.cfa is None else ((0, 0), (0, 1), (1, 0), (1, 1))
+    for place in colours:
+        if _constant(_of_one_colour(some, place)) and _constant(_of_one_colour(decoded.values, place)):
+            raise BadInputError(
+                "one of its channels is the same everywhere; three colours are needed: use a colour camera"
+            )
+
+
+def _of_one_colour(values: NDArray[Any], place: int | tuple[int, int]) -> NDArray[Any]:
+    """A channel of an RGB image, or one of a mosaic's four colours; of rows thinned by an odd step too."""
+    return values[..., place] if isinstance(place, int) else values[place[0] :: 2, place[1] :: 2]
 
 
 def _check_bits(samples: int, file_bytes: int) -> None:
