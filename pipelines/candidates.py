@@ -9,7 +9,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
-from toolkit.inference.infer import gather_for, infer
+from toolkit.inference.fit import View
+from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.model import Model
 from toolkit.records import Fit, LinearImage, Scene
 
@@ -23,23 +24,25 @@ Job = Callable[[Pair], Fit]
 
 
 def fit_models(
-    image: LinearImage, scene: Scene, settings: Settings, progress: Progress | None, *, processes: int | None = None
+    photographs: Sequence[tuple[LinearImage, Scene]],
+    settings: Settings,
+    progress: Progress | None,
+    *,
+    processes: int | None = None,
 ) -> tuple[Fit, ...]:
-    """One fit for every specular and diffuse lobe asked for; raises BadInputError where too little is lit.
+    """One fit to all photographs for every specular and diffuse lobe asked for.
 
-    Without a diffuse lobe asked for, every model is fitted over Lambert, then the best of them over OTHER_BODIES.
-    `processes` work side by side, one a core where None.
+    Raises BadInputError where too little of one is lit. Without a diffuse lobe asked for, every model is fitted over
+    Lambert, then the best of them over OTHER_BODIES. `processes` work side by side, one a core where None.
     """
     from threadpoolctl import threadpool_limits
 
-    cells = usable_cells(image, scene)
+    views = [View.of(scene, usable_cells(image, scene), image.noise) for image, scene in photographs]
 
     def fit(pair: Pair) -> Fit:
         name, variant = model_and_variant(pair[0])
-        return infer(
-            image,
-            scene,
-            cells,
+        return infer_views(
+            views,
             Model.named(name, pair[1], variant, neutral=settings.fit.specular == "neutral"),
             seed=settings.fit.seed,
             fixed=settings.fit.fix,

@@ -6,12 +6,18 @@ file -> RawFrame -> LinearImage -> Scene -> ColourLayers -> Fits (with their pos
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from toolkit.records import MaterialReport
+from toolkit.records import MaterialReport, Photograph
 
 from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from toolkit.radiometry.quads import Quads
 
 
 def fit_material(
@@ -23,42 +29,65 @@ def fit_material(
     where None. Raises BadInputError for a file or a scene that
     cannot be used, UsageError for settings that make no sense.
     """
+    return fit_jointly([(path, settings)], progress=progress, processes=processes)
+
+
+def fit_jointly(
+    asked: Sequence[tuple[Path, Settings]], *, progress: Progress | None = None, processes: int | None = None
+) -> MaterialReport:
+    """Fit every model to several photographs of one material at once, each under its own settings.
+
+    They share the shape and the colours; light, sphere, black level and unknown irradiance are each one's own. What
+    is fitted the first one's settings say.
+    """
+    clock, settings = Clock(progress), asked[0][1]
+    looked = [_look(path, own, clock) for path, own in asked]
+    from toolkit.inference.compare import rank
+    from toolkit.inference.joint import of_photograph
+
+    from .candidates import fit_models
+    from .colours import layers_of_fit
+    from .quality import quality_flags
+
+    with clock.stage("fit"):
+        fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
+        best, preferred, lead = rank(fits)
+    seen = []
+    with clock.stage("layers"):
+        for v, (one, picture) in enumerate(looked):
+            flags = quality_flags(one, fits[best], preferred, asked=settings.separation.method != "none")
+            layers = layers_of_fit(one.image, picture, of_photograph(fits[best], v))
+            seen.append(replace(one, layers=layers, flags=one.flags + flags))
+    return MaterialReport(
+        image=seen[0].image,
+        scene=seen[0].scene,
+        separation=seen[0].separation,
+        fits=fits,
+        best=best,
+        preferred=preferred,
+        elpd_difference=lead,
+        layers=seen[0].layers,
+        flags=tuple(dict.fromkeys(flag for one in seen for flag in one.flags)),
+        seconds=clock.seconds,
+        photographs=tuple(seen) if len(seen) > 1 else (),
+    )
+
+
+def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:
+    """Read one photograph, find the sphere and the light, separate by colour; also its picture."""
     from toolkit.io.read import read
 
-    clock = Clock(progress)
     with imported_meanwhile("pipelines.candidates", "emcee"):
         with clock.stage("read"):
             frame = read(path)
         from toolkit.radiometry.quads import quads
 
-        from .colours import layers_of_fit, separate_colours
+        from .colours import separate_colours
         from .locate import locate
-        from .quality import quality_flags
 
         with clock.stage("locate"):
             image, scene, found = locate(frame, settings)
             picture = quads(image)
         with clock.stage("separate"):
             separation = separate_colours(image, picture, scene, settings)
-    from toolkit.inference.compare import rank
-
-    from .candidates import fit_models
-
-    with clock.stage("fit"):
-        fits = fit_models(image, scene, settings, progress, processes=processes)
-        best, preferred, lead = rank(fits)
-    with clock.stage("layers"):
-        layers = layers_of_fit(image, picture, fits[best])
-    return MaterialReport(
-        image=image,
-        scene=scene,
-        separation=separation,
-        fits=fits,
-        best=best,
-        preferred=preferred,
-        elpd_difference=lead,
-        layers=layers,
-        flags=found
-        + quality_flags(image, scene, separation, fits[best], preferred, asked=settings.separation.method != "none"),
-        seconds=clock.seconds,
-    )
+    return Photograph(image=image, scene=scene, separation=separation, layers=None, flags=found), picture

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from toolkit.flags import Flag, SampleFlag
 from toolkit.geometry.sphere import surface
-from toolkit.records import ColourLayers, Fit, Floats, LinearImage, Plane, Scene
+from toolkit.records import Fit, Floats, LinearImage, Photograph, Plane, Scene
 
 CLIPPED_SHARE = 0.01  # of the sphere's samples, from which the result says so
 CORE_RAD = 0.1  # about the half vector: where the highlight's core lies
@@ -15,13 +15,12 @@ CORE_SHARE = 0.02  # of the core's samples
 THIN = 4  # one row and column in so many is enough to count the core's samples
 
 
-def quality_flags(
-    image: LinearImage, scene: Scene, separation: ColourLayers | None, best: Fit, preferred: int | None, *, asked: bool
-) -> tuple[str, ...]:
+def quality_flags(seen: Photograph, best: Fit, preferred: int | None, *, asked: bool) -> tuple[str, ...]:
     """The flags of the photograph and of its best fit; `asked` whether separation by colour was."""
+    image, scene, separation = seen.image, seen.scene, seen.separation
     clipped, core = clipped_shares(image, scene)
     found = {
-        Flag.RELATIVE_SCALE: scene.scale == "relative",
+        Flag.RELATIVE_SCALE: best.scale == "relative",
         Flag.TRANSFER_ASSUMED: image.transfer_assumed,
         Flag.NOISE_ESTIMATED: image.noise.source == "estimated",
         Flag.CLIPPED: clipped > CLIPPED_SHARE,

@@ -143,13 +143,19 @@ def truth(scene: Scene, material: Material, noise: Noise) -> dict[str, Any]:
     """What a fit of the photograph should find: parameters by a result's names, and what it was given."""
     return {
         "model": material.model,
-        "variant": material.lobes[1].complete(material.variant),
+        "variant": _variant(material),
         "diffuse": material.diffuse,
         "parameters": dict(material.shape) | _colours(scene, material),
         "noise": {"gain": noise.gain.tolist(), "read": noise.read.tolist()},
         "scale": scene.scale,
         "irradiance": [list(light.irradiance or (1.0, 1.0, 1.0)) for light in scene.lights],
     }
+
+
+def _variant(material: Material) -> dict[str, str]:
+    """The options that a fit would need; a refractive index reflects by Fresnel's own equations, whatever is asked."""
+    exact = {"fresnel": "dielectric"} if "specular_index" in material.colours else {}
+    return material.lobes[1].complete({**material.variant, **exact})
 
 
 def _colours(scene: Scene, material: Material) -> dict[str, list[float]]:

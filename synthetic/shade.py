@@ -106,7 +106,7 @@ def specular_colour(material: Material, cosine: Floats) -> Floats:
     """The specular lobe's colour (..., 3) where cos theta_d is `cosine` (...): Fresnel's factor, or the albedo."""
     (kind, value), *_ = ((k, v) for k, v in material.colours.items() if k != "diffuse_albedo")
     if kind == "specular_f0":
-        return fresnel.schlick(np.asarray(cosine)[..., None], value)
+        return fresnel.reflectance(np.asarray(cosine)[..., None], value, material.variant.get("fresnel", "schlick"))
     if kind == "specular_index":
         return fresnel.dielectric(np.asarray(cosine)[..., None], value)
     return np.broadcast_to(value, (*np.shape(cosine), 3))

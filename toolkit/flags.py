@@ -31,6 +31,7 @@ class Flag(StrEnum):
     CALIBRATION_DOUBTED = "calibration_doubted"
     POOR_FIT = "poor_fit"
     STRUCTURED_RESIDUALS = "structured_residuals"
+    SCHLICK_MISLEADS = "schlick_misleads"
     NO_SPECULAR = "no_specular"
     NOT_CONVERGED = "not_converged"
     CHAIN_TOO_SHORT = "chain_too_short"
@@ -54,6 +55,8 @@ MEANING: dict[Flag, str] = {
     Flag.CALIBRATION_DOUBTED: "the photograph contradicts what was said of light, sphere or black level",
     Flag.POOR_FIT: "the model leaves residuals far above the noise",
     Flag.STRUCTURED_RESIDUALS: "what the model leaves is not noise: light, shape or surface are not quite as supposed",
+    Flag.SCHLICK_MISLEADS: "Schlick's approximation is off at these angles by more than F0's error: for a dielectric "
+    "fit with fresnel=dielectric",
     Flag.NO_SPECULAR: "no highlight stands out from the noise",
     Flag.NOT_CONVERGED: "the optimiser stopped before it converged",
     Flag.CHAIN_TOO_SHORT: "the chain is shorter than 50 autocorrelation times",

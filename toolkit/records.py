@@ -7,7 +7,7 @@ camera frame x right, y up, z towards the camera; channels 0, 1, 2 are red, gree
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -176,6 +176,11 @@ class Scene:
     scale: Literal["absolute", "relative"] = "relative"
 
 
+def scale_of(scenes: Sequence[Scene]) -> Literal["absolute", "relative"]:
+    """The scale of what several photographs say together: absolute where one of them is."""
+    return "absolute" if any(scene.scale == "absolute" for scene in scenes) else "relative"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ColourLayers:
     """What colour alone separates, on the sphere's box of quads (a mosaic's 2 x 2) or pixels.
@@ -237,7 +242,7 @@ class Diagnostics:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """One model fitted to one photograph.
+    """One model fitted to one photograph, or to several of one material: then `scene` is the first one's.
 
     `shape` holds the non-linear numbers at the mode by name, `colours` the linear ones by name, (3,) each:
     "diffuse_albedo", "pedestal", and "specular_albedo", or "specular_strength" and "specular_f0".
@@ -259,6 +264,12 @@ class Fit:
     draws: Mapping[str, Floats]
     scene: Scene  # the geometry at the optimum, with fitted nuisances
     nuisances: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # shift and its sd, by name with unit
+    others: tuple[Scene, ...] = ()  # of a joint fit, the other photographs' geometry; their own numbers are "_2", ...
+
+    @property
+    def scale(self) -> Literal["absolute", "relative"]:
+        """Of the albedos."""
+        return scale_of([self.scene, *self.others])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -283,8 +294,19 @@ class ModelLayers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Photograph:
+    """One photograph with what is its own: where it was taken, what colour separates, the best fit's layers."""
+
+    image: LinearImage
+    scene: Scene
+    separation: ColourLayers | None
+    layers: ModelLayers | None
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MaterialReport:
-    """Everything the outputs are made from."""
+    """Everything the outputs are made from; of several photographs fitted jointly, image to layers are the first's."""
 
     schema: ClassVar[str] = "fit-material/1"
 
@@ -298,3 +320,9 @@ class MaterialReport:
     layers: ModelLayers | None
     flags: tuple[str, ...]
     seconds: Mapping[str, float]  # by stage
+    photographs: tuple[Photograph, ...] = ()  # all of a joint fit, in order; empty where there is one
+
+    @property
+    def scale(self) -> Literal["absolute", "relative"]:
+        """Of the albedos."""
+        return scale_of([self.scene, *(one.scene for one in self.photographs)])

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from toolkit.errors import UsageError
 from toolkit.flags import Flag
 
-from .flags import OUTPUT, RUN, FitFlags, SceneFlags, TalkFlags, Texts, settings_for
+from .flags import FIT, OUTPUT, RUN, FitFlags, SceneFlags, TalkFlags, Texts, settings_for
 from .places import refuse_image, refuse_place
 from .terminal import Terminal
 
@@ -62,6 +62,16 @@ class OutputFlags:
     resume: Annotated[bool, Parameter(group=RUN, help="Keep finished results that are there, fit the rest.")] = False
     dry_run: Annotated[bool, Parameter(group=RUN, help="Print the settings of each fit and stop.")] = False
     strict: Annotated[bool, Parameter(group=RUN, help="Exit 5 where a flag says that quality is low.")] = False
+    joint: Annotated[
+        bool,
+        Parameter(
+            group=FIT,
+            help="Fit all images as photographs of one material: one shape and colour, each its own light and sphere.",
+        ),
+    ] = False
+
+
+Asked = tuple[Path, "Settings"]  # a photograph and its settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +97,9 @@ def fit(
         json=output.json or output.jsonl, quiet=talk.quiet, verbose=talk.verbose and not talk.quiet, debug=talk.debug
     )
     run = Run(scene=scene, fit=what, output=output, terminal=terminal)
-    codes = [_try_one(Path(image), out, run) for image, out in _folders(images, output.out).items()]
+    if output.joint:
+        return _try([Path(image) for image in images], _folders(images[:1], output.out)[images[0]], run)
+    codes = [_try([Path(image)], out, run) for image, out in _folders(images, output.out).items()]
     return exit_code(codes)
 
 
@@ -107,8 +119,10 @@ def _refuse(images: Sequence[str], output: OutputFlags) -> None:
     for image in images:
         if image in COMMANDS:
             raise UsageError(f"{image!r} is a command's name and comes first; for a file of that name write ./{image}")
-    if len(images) > 1 and output.json:
-        raise UsageError(f"--json prints one object, found {len(images)} images; expected --jsonl")
+    if len(images) > 1 and output.json and not output.joint:
+        raise UsageError(f"--json prints one object, found {len(images)} images; expected --jsonl, or --joint")
+    if output.joint and (count := len({str(Path(image)) for image in images})) < max(len(images), 2):
+        raise UsageError(f"--joint: found {count} different images; expected two or more of one material, each once")
     if output.overwrite and output.resume:
         raise UsageError("--overwrite and --resume contradict each other; expected one of them")
 
@@ -128,46 +142,64 @@ def _folders(images: Sequence[str], out: Path | None) -> dict[str, Path]:
     return folders
 
 
-def _try_one(image: Path, out: Path, run: Run) -> int:
+def _try(images: Sequence[Path], out: Path, run: Run) -> int:
+    """One result of one image, or of several fitted jointly."""
     try:
-        return _one(image, out, run)
+        return _one(images, out, run)
     except Exception as error:  # one image's failure must not stop the others
-        return run.terminal.failure(str(image), error, lines=run.output.jsonl)
+        return run.terminal.failure(str(images[0]), error, lines=run.output.jsonl)
 
 
-def _one(image: Path, out: Path, run: Run) -> int:
-    refuse_image(image)
-    settings = settings_for(image, run.scene, run.fit)
-    finished = _finished(image, out, settings, run.output)
+def _one(images: Sequence[Path], out: Path, run: Run) -> int:
+    for image in images:
+        refuse_image(image)
+    asked = [(image, settings_for(image, run.scene, run.fit)) for image in images]
+    _refuse_unlike(asked)
+    finished = _finished(asked, out, run.output)
     if run.output.dry_run:
-        return _plan(image, out, settings, run)
+        return max(_plan(image, out, settings, run) for image, settings in asked)
     if finished is not None:
-        run.terminal.note(f"{image}: finished before, kept in {out}")
+        run.terminal.note(f"{images[0]}: finished before, kept in {out}")
         if run.terminal.json:
             run.terminal.object(finished, lines=run.output.jsonl)
         return 0
-    report = _fit_and_write(image, out, settings, run)
-    return _tell(report, settings, out, run)
+    return _tell(_fit_and_write(asked, out, run), asked, out, run)
 
 
-def _fit_and_write(image: Path, out: Path, settings: Settings, run: Run) -> MaterialReport:
-    from pipelines.fit_material import fit_material
+def _refuse_unlike(asked: Sequence[Asked]) -> None:
+    """Photographs fitted jointly are fitted with the same models, by the same rules."""
+    (first, settings), *others = asked
+    for image, own in others:
+        if own.fit != settings.fit:
+            raise UsageError(f"--joint: [fit] of {image} differs from that of {first}; expected the same for all")
+
+
+def _fit_and_write(asked: Sequence[Asked], out: Path, run: Run) -> MaterialReport:
+    from pipelines.fit_material import fit_jointly, fit_material
     from pipelines.report.write import write_outputs
 
+    (image, settings), *others = asked
     with run.terminal.progress(image.name) as progress:
-        report = fit_material(image, settings, progress=progress)
+        report = fit_jointly(asked, progress=progress) if others else fit_material(image, settings, progress=progress)
         progress("writing", 1.0)
-        write_outputs(report, out, settings, page=not run.output.no_report, exports=run.output.export)
+        write_outputs(
+            report,
+            out,
+            settings,
+            others=[own for _, own in others],
+            page=not run.output.no_report,
+            exports=run.output.export,
+        )
     return report
 
 
-def _tell(report: MaterialReport, settings: Settings, out: Path, run: Run) -> int:
+def _tell(report: MaterialReport, asked: Sequence[Asked], out: Path, run: Run) -> int:
     """The result on stdout, as an object or as a table; returns the exit code."""
     from pipelines.report.result import result_object
     from pipelines.report.table import print_table
     from pipelines.report.text import stem
 
-    result = result_object(report, settings)
+    result = result_object(report, asked[0][1], [own for _, own in asked[1:]])
     if run.terminal.json:
         run.terminal.object(result, lines=run.output.jsonl)
     elif not run.terminal.quiet:
@@ -187,19 +219,19 @@ def _judge(report: MaterialReport, run: Run) -> int:
     return LOW_QUALITY if low else 0
 
 
-def _finished(image: Path, out: Path, settings: Settings, output: OutputFlags) -> Mapping[str, Any] | None:
-    """A finished result of this very image and these settings, to be kept; raises UsageError on any other."""
+def _finished(asked: Sequence[Asked], out: Path, output: OutputFlags) -> Mapping[str, Any] | None:
+    """A finished result of these very images and settings, to be kept; raises UsageError on any other."""
     from pipelines.report.write import output_names
 
     refuse_place(out)
-    there = [name for name in output_names(image.name, exports=output.export) if (out / name).exists()]
+    there = [name for name in output_names(asked[0][0].name, exports=output.export) if (out / name).exists()]
     if output.overwrite or not there:
         return None
     if not output.resume:
         raise UsageError(f"{out / there[0]} exists; expected a new place: --out DIR, or --overwrite, or --resume")
     from .resume import finished
 
-    return finished(image, out, settings)
+    return finished(asked, out)
 
 
 def _plan(image: Path, out: Path, settings: Settings, run: Run) -> int:

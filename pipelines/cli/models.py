@@ -32,7 +32,7 @@ def _section(kind: str, lobes: dict[str, Lobe]) -> Iterator[str]:
         if lobe.kind == kind:
             yield f"  {lobe.name}  {lobe.title}"
             yield from (f"    {_number(parameter)}" for parameter in lobe.parameters)
-            yield from (f"    {option}: {', '.join(c)} (the first by default)" for option, c in lobe.variants.items())
+            yield from (f"    {option}: {', '.join(c)} (the first by default)" for option, c in lobe.options.items())
 
 
 def _number(parameter: Number) -> str:
@@ -47,5 +47,5 @@ def _object(lobe: Lobe) -> dict[str, Any]:
         "kind": lobe.kind,
         "colour": lobe.colour,
         "parameters": [{key: getattr(parameter, key) for key in shown} for parameter in lobe.parameters],
-        "variants": {option: list(choices) for option, choices in lobe.variants.items()},
+        "variants": {option: list(choices) for option, choices in lobe.options.items()},
     }

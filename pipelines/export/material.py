@@ -89,10 +89,10 @@ def _equivalents(fit: Fit, half_angle_rad: float) -> dict[str, Equivalent]:
 
 def _highlight(fit: Fit) -> tuple[float, float]:
     """Half the angle between light and view where the highlight stands (rad), and Schlick's (1 - cos)^5 there."""
-    from toolkit.inference.model import mirror_schlick
+    from toolkit.inference.model import mirror_cosine
 
-    schlick = mirror_schlick(fit.scene, fit.scene.lights[0])
-    return float(np.arccos(np.clip(1.0 - schlick**0.2, 0.0, 1.0))), schlick
+    cosine = mirror_cosine(fit.scene, fit.scene.lights[0])
+    return float(np.arccos(cosine)), (1.0 - cosine) ** 5
 
 
 def _colours(fit: Fit, gain: float, schlick: float) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -120,7 +120,7 @@ def _scaled(
     report: MaterialReport, diffuse: Floats, f0: Floats, notes: tuple[str, ...]
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Where the scale is unknown, the one at which the highlight is that of a dielectric of index 1.5."""
-    if report.scene.scale == "absolute":
+    if report.scale == "absolute":
         return diffuse, f0, notes
     scale = max(float(f0.mean()) / TYPICAL_F0, float(diffuse.max()) / 0.9, 1e-9)
     note = (

@@ -66,7 +66,7 @@ def answer(report: MaterialReport, material: Material) -> Answer:
         place=_place(material.nearest.alpha, *SCALE),
         reflection=reflection,
         reflection_exact=reflection_exact,
-        reflection_place=_place(float(material.f0.mean()), 0.01, 1.0) if report.scene.scale == "absolute" else None,
+        reflection_place=_place(float(material.f0.mean()), 0.01, 1.0) if report.scale == "absolute" else None,
         reflection_note=_reflection_note(report, material),
         model=f"{title(fit.model)} over {title(fit.diffuse)}",
         certainty=_certainty(report),
@@ -108,7 +108,7 @@ def hue(linear: Floats, material: Material) -> str:
 
 def _swatch_note(report: MaterialReport, material: Material) -> str:
     space = "sRGB" if material.colour_space == "linear sRGB" else "the camera's own RGB: no colour matrix known"
-    return space if report.scene.scale == "absolute" else f"{space}; brightness unknown, no irradiance was given"
+    return space if report.scale == "absolute" else f"{space}; brightness unknown, no irradiance was given"
 
 
 def _albedo(fit: Fit) -> str:
@@ -136,7 +136,7 @@ def _reflection(report: MaterialReport, fit: Fit) -> tuple[str, str]:
         if found is not None:
             value = float(np.mean(np.asarray(found.estimate, float)))
             sd = None if found.sd is None else float(np.mean(found.sd))
-            if name == "specular_strength" and report.scene.scale == "absolute":
+            if name == "specular_strength" and report.scale == "absolute":
                 value, sd = 100 * value, None if sd is None else 100 * sd
                 return f"{digits(value, 2)} %", f"{measured(value, sd)} ± {digits(sd, 2)} %"
             return digits(value, 3), f"{measured(value, sd)} ± {digits(sd, 2)}"
@@ -144,7 +144,7 @@ def _reflection(report: MaterialReport, fit: Fit) -> tuple[str, str]:
 
 
 def _reflection_note(report: MaterialReport, material: Material) -> str:
-    if report.scene.scale != "absolute":
+    if report.scale != "absolute":
         return "in units of the unknown scale: give the irradiance to turn it into a share"
     if material.metal:
         return "of the light is mirrored at the surface: a metal"

@@ -40,6 +40,7 @@ FIELDS = (
     ("fits[].chi2_reduced", "misfit over measurement noise alone; 1 is perfect"),
     ("fits[].elpd", "expected log predictive density, over blocks of the surface; larger is better"),
     ("fits[].posterior", "draws, least effective draws, largest R-hat and autocorrelation time, acceptance, seed"),
+    ("photographs", "only of a joint fit: of each photograph what is its own, the first among them"),
     ("best, preferred", "indices into fits; preferred is null where the data do not decide"),
     ("elpd_difference", "the best over the runner-up, and the sd of that"),
 )

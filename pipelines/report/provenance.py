@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import cast
 
@@ -79,8 +79,21 @@ def scene_rows(report: MaterialReport) -> list[Row]:
     for index, light in enumerate(scene.lights):
         name = "light" if len(scene.lights) == 1 else f"light {index}"
         rows += [(f"{name}, {scene.light_source}", _light(light)), (f"{name}, best fit", _moved(best, index))]
-    rows.append(("scale", "absolute" if scene.scale == "absolute" else "relative: no irradiance was given"))
-    return [*rows, *_nuisances(best)]
+    rows.append(("scale", "absolute" if report.scale == "absolute" else "relative: no irradiance was given"))
+    return [*rows, *_other_photographs(report), *_nuisances(best)]
+
+
+def _other_photographs(report: MaterialReport) -> Iterator[Row]:
+    """Of a joint fit, what the photographs after the first were and where the best fit moved their scenes."""
+    from toolkit.inference.joint import of_photograph
+
+    for v, one in enumerate(report.photographs[1:], start=1):
+        part, name = of_photograph(report.fits[report.best], v), f"photograph {v + 1}"
+        yield name, f"{base_name(one.image.name)}, {_projection(one.scene)}"
+        yield f"{name}, sphere {one.scene.sphere.source}", _sphere(one.scene.sphere)
+        for index, light in enumerate(one.scene.lights):
+            yield f"{name}, light {one.scene.light_source}", _light(light)
+            yield f"{name}, light, best fit", _moved(part, index)
 
 
 def _projection(scene: Scene) -> str:

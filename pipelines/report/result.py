@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,12 +24,15 @@ SOFTWARE = ("numpy", "scipy", "emcee", "rawpy", "opencv-contrib-python-headless"
 _NUMBERS = re.compile(r"\[\n[-+.\w\s,]*(\[\n[-+.\w\s,]*\][\s,]*)*\]")  # lists of numbers; no string holds a raw newline
 
 
-def result_object(report: MaterialReport, settings: Settings | None = None) -> dict[str, Any]:
+def result_object(
+    report: MaterialReport, settings: Settings | None = None, others: Sequence[Settings] = ()
+) -> dict[str, Any]:
     """The result as plain dicts, lists, strings and finite numbers; None where something is not available.
 
     Colours are lists with one number a channel (red, green, blue of the camera); positions are in pixels.
     `sphere` and each light's own fields say what the fits started from; a light's `fitted` is the best fit's,
-    the sphere's `given` what the user's settings say of it.
+    the sphere's `given` what the user's settings say of it. A joint fit has `photographs` as well: of each, the first
+    among them, what is its own; `others` are the settings of those after the first.
     """
     best = report.fits[report.best] if report.fits else None
     made = {
@@ -37,23 +40,43 @@ def result_object(report: MaterialReport, settings: Settings | None = None) -> d
         "status": "failed" if (error := _error(best)) else "ok",
         "error": error,
         "flags": [clean(flag) for flag in report.flags],
-        "image": _image(report.image),
-        "camera": _camera(report.scene),
-        "noise": {
-            "gain": report.image.noise.gain,
-            "read": report.image.noise.read,
-            "source": report.image.noise.source,
-        },
-        "scale": report.scene.scale,
-        "sphere": _sphere(report.scene, settings),
-        "lights": _lights(report.scene, best),
-        "separation": _separation(report.separation) if report.separation else None,
+        **_own(report.image, report.scene, report.separation, settings, best),
         "fits": [_fit(fit) for fit in report.fits],
         "best": report.best if best else None,
         "preferred": report.preferred,
         "elpd_difference": _difference(report.elpd_difference),
     }
+    if report.photographs:
+        made["scale"] = report.scale
+        told = [settings, *others, *[None] * len(report.photographs)]
+        made["photographs"] = [
+            {"flags": [clean(flag) for flag in one.flags], **_own(one.image, one.scene, one.separation, own, part)}
+            for one, own, part in zip(report.photographs, told, _parts(report), strict=False)
+        ]
     return {key: finite(value) for key, value in made.items()}
+
+
+def _parts(report: MaterialReport) -> list[Fit]:
+    """The best fit as each photograph's."""
+    from toolkit.inference.joint import of_photograph  # here, since it brings scipy
+
+    return [of_photograph(report.fits[report.best], v) for v in range(len(report.photographs))]
+
+
+def _own(
+    image: LinearImage, scene: Scene, separation: ColourLayers | None, settings: Settings | None, best: Fit | None
+) -> dict[str, Any]:
+    """What is one photograph's own."""
+    noise = image.noise
+    return {
+        "image": _image(image),
+        "camera": _camera(scene),
+        "noise": {"gain": noise.gain, "read": noise.read, "source": noise.source},
+        "scale": scene.scale,
+        "sphere": _sphere(scene, settings),
+        "lights": _lights(scene, best),
+        "separation": _separation(separation) if separation else None,
+    }
 
 
 def _error(best: Fit | None) -> str | None:

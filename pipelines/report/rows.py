@@ -60,7 +60,8 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
 def _parameter(fit: Fit, parameter: Estimate) -> ParameterRow:
     shape = {p.name: p for lobe in (fit.model, fit.diffuse) if lobe in LOBES for p in LOBES[lobe].parameters}
     own = shape.get(parameter.name)
-    meaning = f"{own.meaning}; {own.typical}" if own else COLOURS.get(parameter.name, "")
+    common = parameter.name.rstrip("0123456789").removesuffix("_") if _numbered(parameter.name) else parameter.name
+    meaning = f"{own.meaning}; {own.typical}" if own else COLOURS.get(common, "")
     width = np.size(parameter.estimate) if parameter.estimate is not None else 1
     return ParameterRow(
         name=parameter.name,
@@ -70,6 +71,11 @@ def _parameter(fit: Fit, parameter: Estimate) -> ParameterRow:
         note=clean(parameter.note),
         channels=tuple(_cells(parameter, c if width == 3 else None) for c in range(width)),
     )
+
+
+def _numbered(name: str) -> bool:
+    """Whether a parameter is that of a joint fit's second photograph or a later one: `pedestal_2`."""
+    return name.rpartition("_")[2].isdecimal()
 
 
 def _cells(parameter: Estimate, channel: int | None) -> Cells:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from toolkit.flags import MEANING, Flag
-from toolkit.records import Estimate, Fit, Floats, MaterialReport
+from toolkit.records import Estimate, Fit, Floats, LinearImage, MaterialReport, Scene
 
 from .digits import interval, plus_minus, rounded
 from .text import base_name, clean
@@ -61,7 +61,13 @@ def _print_table(console: Console, table: Table) -> None:
 
 
 def _head(report: MaterialReport) -> Iterator[str]:
-    image, scene = report.image, report.scene
+    if report.photographs:
+        yield f"{len(report.photographs)} photographs of one material, fitted jointly, {report.scale} scale"
+    for image, scene in [(one.image, one.scene) for one in report.photographs] or [(report.image, report.scene)]:
+        yield from _where_taken(image, scene)
+
+
+def _where_taken(image: LinearImage, scene: Scene) -> Iterator[str]:
     size = f"{image.width_px} x {image.height_px} px"
     yield f"{base_name(image.name)}: {size}, {scene.camera.projection}, {scene.scale} scale"
     (x, y), sd = scene.sphere.centre_px, np.sqrt(np.diag(scene.sphere.covariance_px2))

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import glob
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from toolkit.records import MaterialReport
+from toolkit.records import LinearImage, MaterialReport, ModelLayers
 
 from .folder import whole
 from .result import finite, result_object, result_text
 from .text import stem
 
 if TYPE_CHECKING:
-    from pipelines.export import Material
     from pipelines.settings import Settings
 
 OWN = (".json", ".run.json", ".html", ".posterior.nc", ".layers.exr", ".settings.toml")
+NUMBERED = (".layers-*.exr", ".settings-*.toml")  # of a joint fit's photographs after the first
 Write = Callable[[Path], None]
+Subject = TypeVar("Subject")
 
 
 def write_outputs(
@@ -27,6 +29,7 @@ def write_outputs(
     out_dir: Path,
     settings: Settings | None = None,
     *,
+    others: Sequence[Settings] = (),
     page: bool = True,
     exports: Sequence[str] = (),
     beside: Mapping[str, Write] | None = None,
@@ -35,11 +38,12 @@ def write_outputs(
 
     `exports` are names of `pipelines.export.EXPORTERS`; `beside` writes further files, by suffix. Files of the
     same names are replaced; whether that is wanted is the caller's to ask. What an earlier run with the same stem
-    left and this one does not make goes.
+    left and this one does not make goes. Of a joint fit, `others` are the settings of the photographs after the
+    first; their settings and layers are numbered: `STEM.layers-2.exr`.
     Raises UsageError for an unknown export or a folder that cannot be written to, FitMaterialError on a full disk.
     """
     name = stem(report.image.name)
-    writers = {**_writers(report, settings, page=page, exports=exports), **(beside or {})}
+    writers = {**_writers(report, settings, others, page=page, exports=exports), **(beside or {})}
     with whole(out_dir, last=f"{name}.json") as draft:
         seconds = {suffix: _timed(write, draft / f"{name}{suffix}") for suffix, write in writers.items()}
         _write_run(draft / f"{name}.run.json", report, seconds)
@@ -53,14 +57,21 @@ def output_names(image_name: str, *, exports: Sequence[str] = ()) -> list[str]:
 
 
 def _writers(
-    report: MaterialReport, settings: Settings | None, *, page: bool, exports: Sequence[str]
+    report: MaterialReport, settings: Settings | None, others: Sequence[Settings], *, page: bool, exports: Sequence[str]
 ) -> dict[str, Write]:
     """What is written, by suffix; what the report cannot fill is left out."""
     from .layers_exr import write_layers
     from .posterior import write_posterior
 
     layers = report.layers
-    writers: dict[str, Write] = {".json": lambda path: _text(path, result_text(result_object(report, settings)))}
+    writers: dict[str, Write] = {
+        ".json": lambda path: _text(path, result_text(result_object(report, settings, others)))
+    }
+    for number, own in enumerate(others, start=2):
+        writers[f".settings-{number}.toml"] = partial(_text_of, _settings_text, own)
+    for number, one in enumerate(report.photographs[1:], start=2):
+        if one.layers is not None:
+            writers[f".layers-{number}.exr"] = partial(_layers, one.layers, one.image)
     if settings is not None:
         writers[".settings.toml"] = lambda path: _text(path, _settings_text(settings))
     if report.fits:
@@ -98,8 +109,14 @@ def _export_writers(report: MaterialReport, exports: Sequence[str]) -> dict[str,
     return {one.suffix: partial(_text_of, one.text, material) for one in chosen}
 
 
-def _text_of(text: Callable[[Material], str], material: Material, path: Path) -> None:
-    _text(path, text(material))
+def _text_of(text: Callable[[Subject], str], subject: Subject, path: Path) -> None:
+    _text(path, text(subject))
+
+
+def _layers(layers: ModelLayers, image: LinearImage, path: Path) -> None:
+    from .layers_exr import write_layers
+
+    write_layers(path, layers, image)
 
 
 def _export_suffixes(exports: Sequence[str]) -> list[str]:
@@ -134,3 +151,7 @@ def _write_run(path: Path, report: MaterialReport, seconds: dict[str, float]) ->
 def _remove_stale(out_dir: Path, name: str, written: set[str]) -> None:
     for suffix in set(OWN) - written:
         (out_dir / f"{name}{suffix}").unlink(missing_ok=True)
+    numbered = [path for pattern in NUMBERED for path in out_dir.glob(glob.escape(name) + pattern)]
+    for path in numbered:
+        if path.name.removeprefix(name) not in written:
+            path.unlink(missing_ok=True)

@@ -99,7 +99,7 @@ class Pixels:
 
 def pixels(image: LinearImage, scene: Scene, optimum: Optimum) -> Pixels:
     """Every pixel that the cells hold, weighed by the converged model."""
-    y, x = np.nonzero(covered(optimum.problem.cells, image.planes[0].values.shape))
+    y, x = np.nonzero(covered(optimum.problem.views[0].cells, image.planes[0].values.shape))
     values = np.stack([plane.values[y, x] for plane in image.planes]).astype(float)
     lit = lit_by(scene, x.astype(float), y.astype(float))[0]
     found = Pixels(lit=lit, values=values, weights=np.ones_like(values), x_px=x.astype(float), y_px=y.astype(float))

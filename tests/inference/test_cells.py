@@ -77,7 +77,7 @@ def test_cells_cost_less_than_a_thirtieth_of_an_sd(roughness: float, monkeypatch
     coarse = _fit(image, scene, gather(image, scene))
     monkeypatch.setattr(module, "SMOOTH_RAD", 1e-6)
     every = _fit(image, scene, gather(image, scene))
-    assert every.problem.cells.channels[0].count.max() == 1
+    assert every.problem.channels[0].count.max() == 1
     sd = float(np.sqrt(inverse(every.joint)[-1, -1]))
     # what varied inside the cells is lost, so the two estimates differ by chance as well: by no more than that
     lost = float(np.sqrt(max(inverse(coarse.joint)[-1, -1] - sd**2, 0.0)))
@@ -94,7 +94,7 @@ def test_a_clipped_highlight_is_told_from_below() -> None:
     white = 0.5
     image = _clipped(photograph(radiance, seed=2, mosaic=False), white, honest=True)
     bounded = _fit(image, scene, gather(image, scene))
-    assert bounded.problem.cells.channels[0].censored.sum() > 100
+    assert bounded.problem.channels[0].censored.sum() > 100
     assert abs(_strength_z(bounded)) < 4
     naive = _clipped(image, white, honest=False)
     assert abs(_strength_z(_fit(naive, scene, gather(naive, scene)))) > 10

@@ -73,7 +73,7 @@ def _density(optimum: object, held: object) -> float:
 
     problem = optimum.problem
     cols = columns(
-        problem.model, problem.fresnel, lit_by(problem.scene, *held.nodes()), held, optimum.u, derivatives=True
+        problem.model, problem.fresnel, lit_by(problem.views[0].scene, *held.nodes()), held, optimum.u, derivatives=True
     )
     rows, residuals, variances = [], [], []
     for c, (col, data) in enumerate(zip(cols, held.channels, strict=True)):

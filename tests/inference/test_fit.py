@@ -39,7 +39,7 @@ def test_agrees_with_a_plain_least_squares_over_every_number() -> None:
         predicted = problem.predict(problem.columns(p[:1]), p[1:])
         parts = [
             np.sqrt(w) * (data.value - r)
-            for w, data, r in zip(optimum.weights.weights, problem.cells.channels, predicted, strict=True)
+            for w, data, r in zip(optimum.weights.weights, problem.channels, predicted, strict=True)
         ]
         return np.concatenate([*parts, root * p[1:]])
 

@@ -326,7 +326,10 @@ def test_a_file_named_like_a_command_can_be_fitted(job: Fake, run: Run) -> None:
     [
         ("", 2, "found no image; expected fit-material IMAGE"),
         ("--json", 2, "found no image"),
-        ("a.dng b.dng --json", 2, "--json prints one object, found 2 images; expected --jsonl"),
+        ("a.dng b.dng --json", 2, "--json prints one object, found 2 images; expected --jsonl, or --joint"),
+        ("a.dng --joint", 2, "--joint: found 1 different images; expected two or more"),
+        ("a.dng ./a.dng --joint", 2, "--joint: found 1 different images; expected two or more"),
+        ("a.dng b.dng --joint --model phong:fresnel=dielectric", 2, "phong has no variant 'fresnel'"),
         ("a.dng a.dng", 2, "several images would write to a.fit"),
         ("a.dng ./a.dng", 2, "several images would write to a.fit"),
         ("a.dng --overwrite --resume", 2, "contradict each other"),

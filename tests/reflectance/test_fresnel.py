@@ -55,6 +55,20 @@ def test_schlick_is_linear_in_f0():
     assert fresnel.schlick(np.array(1.0), 0.04) == pytest.approx(0.04)
 
 
+@pytest.mark.parametrize("f0", [0.02, 0.04, 0.17])
+def test_a_tangent_touches_the_exact_reflectance(f0):
+    """The pair of a dielectric gives F at its own F0, its slope in F0, and near it errs by the square of the step."""
+    slope, rest = fresnel.dielectric_pair(COSINES, f0)
+    exact = fresnel.reflectance(COSINES, f0, "dielectric")
+    np.testing.assert_allclose(rest + slope * f0, exact, rtol=1e-12)
+    step = 1e-5 * f0
+    up, down = (fresnel.reflectance(COSINES, f0 + s, "dielectric") for s in (step, -step))
+    np.testing.assert_allclose(slope, (up - down) / (2 * step), rtol=1e-5, atol=1e-8)
+    near = fresnel.reflectance(COSINES, 1.02 * f0, "dielectric")
+    np.testing.assert_allclose(rest + slope * 1.02 * f0, near, rtol=4e-4)
+    assert fresnel.dielectric_f0(fresnel.index_of(f0)) == pytest.approx(f0)
+
+
 def test_published_figures_at_normal_incidence():
     """Diamond (n = 2.4) 0.170, not the 0.15 that the lecture prints; glass (1.5) 0.040."""
     assert fresnel.dielectric_f0(2.4) == pytest.approx(0.1696, abs=5e-4)

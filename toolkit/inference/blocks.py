@@ -46,27 +46,31 @@ def blocks_of(scene: Scene, cells: Cells) -> NDArray[np.intp]:
     return np.asarray(np.digitize(theta, RINGS_RAD) * SECTORS + sector, np.intp)
 
 
-def by_block(optimum: Optimum, blocks: NDArray[np.intp]) -> Blocks:
-    """What each block adds to the normal equations at an optimum; `blocks` (N,) is the block of every cell."""
+def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
+    """What each block adds to the normal equations at an optimum.
+
+    `blocks`, one a photograph, (N,) is the block of every cell; those of several photographs follow each other.
+    """
     problem = optimum.problem
     cols = problem.columns(optimum.u, derivatives=True)
     predicted = problem.predict(cols, optimum.x)
-    size = len(optimum.joint)
-    information, score, density = np.zeros((COUNT, size, size)), np.zeros((COUNT, size)), np.zeros(COUNT)
-    for c, (data, w) in enumerate(zip(problem.cells.channels, optimum.weights.weights, strict=True)):
+    size, count = len(optimum.joint), COUNT * len(blocks)
+    information, score, density = np.zeros((count, size, size)), np.zeros((count, size)), np.zeros(count)
+    for c, (data, w) in enumerate(zip(problem.channels, optimum.weights.weights, strict=True)):
         mine = optimum.x[problem.layout.index[c]]
         slopes = [m @ mine + o for m, o in zip(cols[c].d_matrix, cols[c].d_offset, strict=True)]
         jacobian = np.column_stack([cols[c].matrix, problem.extras[c], *slopes])
         index = np.concatenate([problem.layout.index[c], np.arange(len(problem.layout.names), size)])
         residual = data.value - predicted[c]
         counted = np.flatnonzero(w)
-        mine_in = blocks[data.rows[counted]]
+        photograph = c // 3
+        mine_in = blocks[photograph][data.rows[counted]]
         order = counted[np.argsort(mine_in, kind="stable")]
         edges = np.searchsorted(np.sort(mine_in), np.arange(COUNT + 1))
         for b in range(COUNT):
-            rows = order[edges[b] : edges[b + 1]]
+            rows, there = order[edges[b] : edges[b + 1]], COUNT * photograph + b
             weighted = jacobian[rows].T * w[rows]
-            information[b][np.ix_(index, index)] += weighted @ jacobian[rows]
-            score[b][index] += weighted @ residual[rows]
-            density[b] += 0.5 * np.sum(np.log(w[rows] / (2 * np.pi))) - 0.5 * w[rows] @ residual[rows] ** 2
+            information[there][np.ix_(index, index)] += weighted @ jacobian[rows]
+            score[there][index] += weighted @ residual[rows]
+            density[there] += 0.5 * np.sum(np.log(w[rows] / (2 * np.pi))) - 0.5 * w[rows] @ residual[rows] ** 2
     return Blocks(information=information, score=score, density=density)

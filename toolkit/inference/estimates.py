@@ -8,15 +8,19 @@ import numpy as np
 
 from toolkit.flags import Flag
 from toolkit.records import Estimate, Floats
+from toolkit.reflectance.fresnel import reflectance
 
-from .fit import Optimum, signal_scale
-from .normal import inverse
+from .fit import Optimum, f0_of, signal_scale
+from .model import mirror_cosine
+from .normal import inverse, numbered
 from .posterior import Draws
 
 UNIFORM_SD = 12**-0.5  # of a uniform prior, per unit of its width
 UNIDENTIFIED = 0.5  # posterior over prior width from which a parameter counts as not identified
 POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples each
 POOR_RESIDUAL = 0.002  # of the signal: below, a misfit shows only since the photograph is so free of noise
+DIELECTRIC_F0 = 0.2  # diamond's is 0.17: above, it is a metal and Schlick's form is as good as any
+SCHLICK_IS_GOOD = 0.02  # relative difference from the exact form that is never told
 DETECTED_SD = 3.0  # sds by which a specular strength must stand above nothing
 
 F0_NOTE = (
@@ -33,25 +37,24 @@ def named_draws(optimum: Optimum, u: Floats, x: Floats) -> dict[str, Floats]:
     }
     result["diffuse_albedo"] = problem.layout.of("diffuse_albedo", x)
     result.update(_specular_draws(optimum, x))
-    result["pedestal"] = problem.layout.of("pedestal", x)
+    result.update({name: problem.layout.of(name, x) for name in _pedestals(optimum)})
     return result
 
 
+def _pedestals(optimum: Optimum) -> tuple[str, ...]:
+    return tuple(numbered("pedestal", v) for v in range(len(optimum.problem.views)))
+
+
 def _specular_draws(optimum: Optimum, x: Floats) -> dict[str, Floats]:
-    fresnel, layout = optimum.problem.fresnel, optimum.problem.layout
-    s = fresnel.reference_s
+    problem = optimum.problem
+    fresnel, layout = problem.fresnel, problem.layout
     if fresnel.kind == "none":
         return {"specular_albedo": layout.of("specular_albedo", x)}
     if fresnel.kind == "strength":
         return {"specular_strength": layout.of("specular_strength", x)}
-    if fresnel.kind == "known":
-        f0 = layout.of("specular_f0", x)
-        return {"specular_strength": f0 * (1 - s) + s, "specular_f0": f0}
-    product, scale = layout.of("specular_scale_f0", x), layout.of("specular_scale", x)
-    return {
-        "specular_strength": product * (1 - s) + scale * s,
-        "specular_f0": product / np.maximum(scale, 1e-30),
-    }
+    f0 = f0_of(problem, x)
+    scale = 1.0 if fresnel.kind == "known" else layout.of("specular_scale", x)
+    return {"specular_strength": scale * fresnel.at_mirror(f0), "specular_f0": f0}
 
 
 def unit_of(optimum: Optimum, name: str) -> str:
@@ -59,9 +62,9 @@ def unit_of(optimum: Optimum, name: str) -> str:
     for p in optimum.problem.model.parameters:
         if p.name == name:
             return p.unit
-    if name == "pedestal":
+    if name.startswith("pedestal"):
         return "image units"
-    relative = optimum.problem.scene.scale == "relative" and name != "specular_f0"
+    relative = optimum.problem.scale == "relative" and name != "specular_f0"
     return "relative" if relative else "1"
 
 
@@ -127,29 +130,34 @@ def statistical_sds(optimum: Optimum) -> dict[str, Floats]:
     for name in {name for name, _ in problem.layout.names} - {"specular_scale_f0", "specular_scale"}:
         result[name] = problem.layout.of(name, linear)
     if problem.fresnel.kind == "known":
-        result["specular_strength"] = result["specular_f0"] * (1 - problem.fresnel.reference_s)
+        result["specular_strength"] = result["specular_f0"] * problem.fresnel.slope_at_mirror()
     return result
 
 
 def _prior_sds(optimum: Optimum) -> dict[str, Floats]:
     """Sds of the priors that the parameters are judged against: what was known before the photograph."""
     problem = optimum.problem
-    light = np.max([lamp.at(np.zeros((1, 3)))[1] for lamp in problem.scene.lights])
-    unit = 1.0 if problem.scene.scale == "absolute" else np.pi * signal_scale(problem.cells) / light
+    first = problem.views[0]
+    light = np.max([lamp.at(np.zeros((1, 3)))[1] for lamp in first.scene.lights])
+    unit = 1.0 if problem.scale == "absolute" else np.pi * signal_scale(first.cells) / light
     result: dict[str, Floats] = {}
     shape = problem.model.natural(optimum.u)
     for number, p in zip(shape, problem.model.parameters, strict=True):
         width = number * np.log(p.high / p.low) if p.log else p.high - p.low
         result[p.name] = np.asarray(width * UNIFORM_SD)
     colour = np.full(3, unit * UNIFORM_SD)
-    pedestal = problem.layout.of("pedestal", np.diag(problem.prior.precision) ** -0.5)
-    return result | {
-        "diffuse_albedo": colour,
-        "specular_albedo": colour,
-        "specular_strength": colour,
-        "specular_f0": np.full(3, UNIFORM_SD),
-        "pedestal": pedestal,
-    }
+    prior = np.diag(problem.prior.precision) ** -0.5
+    pedestals = {name: problem.layout.of(name, prior) for name in _pedestals(optimum)}
+    return (
+        result
+        | pedestals
+        | {
+            "diffuse_albedo": colour,
+            "specular_albedo": colour,
+            "specular_strength": colour,
+            "specular_f0": np.full(3, UNIFORM_SD),
+        }
+    )
 
 
 def flags_of(
@@ -164,12 +172,8 @@ def flags_of(
     if optimum.on_bound.any():
         found.append(Flag.NEAR_BOUND)
     by_name: Mapping[str, Estimate] = {e.name: e for e in estimates}
-    ignored = {"pedestal"}
-    wide = [
-        e.name
-        for e in estimates
-        if e.name not in ignored and e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED
-    ]
+    told = [e for e in estimates if not e.name.startswith("pedestal")]
+    wide = [e for e in told if e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED]
     if wide:
         found.append(Flag.NOT_IDENTIFIED)
     specular = by_name.get("specular_strength") or by_name["specular_albedo"]
@@ -180,3 +184,23 @@ def flags_of(
     if misfit[0] > POOR_CHI2 and misfit[1] > POOR_RESIDUAL:
         found.append(Flag.POOR_FIT)
     return tuple(found)
+
+
+def schlick_misleads(optimum: Optimum, estimates: tuple[Estimate, ...]) -> bool:
+    """Whether F0 was told from angles at which Schlick's form misses a dielectric's by more than F0's own error.
+
+    Residuals cannot tell: a wrong F0 and a wrong scale take up the difference. So the form is compared with the exact
+    one at the mirror geometries of the lights, where F0 is one that a dielectric could have.
+    """
+    fresnel = optimum.problem.fresnel
+    found = next((e for e in estimates if e.name == "specular_f0" and e.estimate is not None), None)
+    if found is None or fresnel.choice != "schlick" or fresnel.kind not in ("known", "pair"):
+        return False
+    f0, sd = float(np.mean(found.estimate)), float(np.mean(found.sd))  # type: ignore[arg-type]  # not None here
+    if not 0.0 < f0 < DIELECTRIC_F0:
+        return False
+    cosines = np.array([mirror_cosine(v.scene, light) for v in optimum.problem.views for light in v.scene.lights])
+    taken, exact = (reflectance(cosines, f0, choice) for choice in ("schlick", "dielectric"))
+    apart = np.log(taken / exact)
+    worst = np.ptp(apart) if fresnel.kind == "pair" else np.max(np.abs(apart))  # a scale of its own takes up the mean
+    return bool(worst > max(sd / f0, SCHLICK_IS_GOOD))

@@ -12,9 +12,9 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .fit import Optimum, Problem, pose, weights_at
+from .fit import Optimum, Problem, pose_views, weights_at
 from .normal import inverse
-from .nuisances import Shifts, prior_precision, sensitivity
+from .nuisances import Shifts, sensitivity
 
 
 def bound_sds(problem: Problem, truth: Mapping[str, Floats], shifts: Shifts) -> dict[str, Floats]:
@@ -25,13 +25,12 @@ def bound_sds(problem: Problem, truth: Mapping[str, Floats], shifts: Shifts) -> 
     one is missing.
     """
     there = _at(problem, truth)
-    linear = pose(
+    linear = pose_views(
         problem.model,
-        problem.scene,
-        problem.cells,
-        problem.noise,
-        extras=sensitivity(there, problem.scene, shifts, np.zeros(len(shifts.names)), problem.cells),
-        extras_precision=prior_precision(problem.scene, shifts),
+        problem.views,
+        fresnel=problem.fresnel,
+        extras=sensitivity(there, problem.views, shifts, np.zeros(len(shifts.names))),
+        extras_precision=shifts.precision,
     )
     columns = linear.columns(there.u, derivatives=True)
     x = np.concatenate([there.x, np.zeros(len(shifts.names))])
@@ -49,7 +48,7 @@ def _at(problem: Problem, truth: Mapping[str, Floats]) -> Optimum:
     u = [float(np.squeeze(truth[p.name])) for p in problem.model.parameters]
     u = [float(np.log(value)) if p.log else value for value, p in zip(u, problem.model.parameters, strict=True)]
     x = [
-        0.0 if name == "pedestal" else float(np.broadcast_to(truth[name], 3)[channel or 0])
+        0.0 if name.startswith("pedestal") else float(np.broadcast_to(truth[name], 3)[channel or 0])
         for name, channel in problem.layout.names
     ]
     size = len(u) + len(x)
@@ -57,7 +56,7 @@ def _at(problem: Problem, truth: Mapping[str, Floats]) -> Optimum:
         problem=problem,
         u=np.array(u),
         x=np.array(x),
-        weights=weights_at(problem, tuple(data.value for data in problem.cells.channels)),
+        weights=weights_at(problem, tuple(data.value for data in problem.channels)),
         joint=np.eye(size),
         chi2=0.0,
         on_bound=np.zeros(size, bool),

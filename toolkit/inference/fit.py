@@ -7,19 +7,36 @@ in the datum and biases an albedo by tens of its sd. So: a coarse search with pr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.records import Floats, Noise, Scene
+from toolkit.records import Floats, Noise, Scene, scale_of
+from toolkit.reflectance.fresnel import TANGENT_F0
 
-from .cells import Cells
+from .cells import Cells, ChannelCells
 from .model import Columns, Fresnel, Lit, Model, columns, columns_of_many, fresnel_of, lit_by, names_of
-from .normal import Layout, Normal, Prior, Sums, Weighing, bounded, combine, equations, lay_out, solve, sums_of, weigh
+from .normal import (
+    Layout,
+    Normal,
+    Prior,
+    Sums,
+    Weighing,
+    bounded,
+    combine,
+    equations,
+    lay_out,
+    numbered,
+    solve,
+    sums_of,
+    weigh,
+)
 
-Evaluated = tuple[Columns, Columns, Columns]
+Evaluated = tuple[Columns, ...]
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
 DESCENTS = 3  # how many of them are descended from
@@ -31,30 +48,61 @@ LONGEST_STEP, LONGEST_SHARE = 0.7, 0.25  # a factor of two in a logarithm; of a 
 SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
 PLAIN = 30.0  # chi-square on a few cells by which one optimum is plainly better than another
 SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
+TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is taken: an error of second order
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """One photograph: its scene, its samples in cells, its noise."""
+
+    scene: Scene
+    cells: Cells
+    noise: Noise
+    lights: tuple[Lit, ...]  # at the cells' nodes
+
+    @classmethod
+    def of(cls, scene: Scene, cells: Cells, noise: Noise) -> View:
+        """With the lights worked out at the cells."""
+        return cls(scene=scene, cells=cells, noise=noise, lights=lit_by(scene, *cells.nodes()))
+
+    def moved(self, scene: Scene) -> View:
+        """The same samples, seen in another scene."""
+        return self if scene is self.scene else View.of(scene, self.cells, self.noise)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """One model on one photograph's cells."""
+    """One model on the cells of one photograph, or of several of one material; three channels of each, in order."""
 
     model: Model
-    scene: Scene
+    views: tuple[View, ...]
     fresnel: Fresnel
-    cells: Cells
-    lights: tuple[Lit, ...]  # at the cells' nodes
-    noise: Noise
     layout: Layout
     prior: Prior
     extras: tuple[Floats, ...]  # per channel (n, q): shared columns such as calibration shifts
 
-    def columns(self, u: Floats, *, derivatives: bool = False) -> tuple[Columns, Columns, Columns]:
+    @property
+    def channels(self) -> tuple[ChannelCells, ...]:
+        """The channels of all photographs."""
+        return tuple(data for view in self.views for data in view.cells.channels)
+
+    @property
+    def scale(self) -> Literal["absolute", "relative"]:
+        """Absolute where one photograph's irradiance is known."""
+        return scale_of([view.scene for view in self.views])
+
+    def columns(self, u: Floats, *, derivatives: bool = False) -> Evaluated:
         """The model's columns at one shape."""
-        return columns(self.model, self.fresnel, self.lights, self.cells, u, derivatives=derivatives)
+        found = [
+            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives)
+            for view in self.views
+        ]
+        return tuple(one for three in found for one in three)
 
     def assemble(self, cols: tuple[Columns, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
-        return self.combine(sums_of(cols, self.cells, weights), weights, at)
+        return self.combine(sums_of(cols, self.channels, weights), weights, at)
 
     def combine(self, sums: tuple[Sums, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations from sums over the cells already taken."""
@@ -88,29 +136,33 @@ class Optimum:
     status: str
 
 
-def pose(
+def pose(model: Model, scene: Scene, cells: Cells, noise: Noise) -> Problem:
+    """Set up the fit of one photograph."""
+    return pose_views(model, [View.of(scene, cells, noise)])
+
+
+def pose_views(
     model: Model,
-    scene: Scene,
-    cells: Cells,
-    noise: Noise,
+    views: Sequence[View],
     *,
+    fresnel: Fresnel | None = None,
     extras: tuple[Floats, ...] | None = None,
     extras_precision: Floats | None = None,
     extras_centre: Floats | None = None,
 ) -> Problem:
-    """Set up a fit. `extras` are further shared columns per channel with their Gaussian prior."""
-    fresnel = fresnel_of(model, scene)
-    extras = extras or tuple(np.zeros((len(data.rows), 0)) for data in cells.channels)
-    layout = lay_out(names_of(model, fresnel), neutral=model.neutral, extras=extras[0].shape[1])
+    """Set up the fit of several photographs of one material.
+
+    `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter.
+    """
+    fresnel = fresnel or fresnel_of(model, [view.scene for view in views])
+    extras = extras or tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
+    layout = lay_out(names_of(model, fresnel), neutral=model.neutral, extras=extras[0].shape[1], photographs=len(views))
     return Problem(
         model=model,
-        scene=scene,
+        views=tuple(views),
         fresnel=fresnel,
-        cells=cells,
-        lights=lit_by(scene, *cells.nodes()),
-        noise=noise,
         layout=layout,
-        prior=_prior(layout, cells, scene, extras_precision, extras_centre),
+        prior=_prior(layout, views, extras_precision, extras_centre),
         extras=extras,
     )
 
@@ -120,17 +172,21 @@ def signal_scale(cells: Cells) -> float:
     return max(float(np.percentile(data.value, 99)) if len(data.value) else 0.0 for data in cells.channels)
 
 
+def irradiance_scale(scene: Scene) -> float:
+    """The mean irradiance of a scene's lights over lights and channels."""
+    return max(float(np.mean([lamp.at(np.zeros((1, 3)))[1] for lamp in scene.lights])), 1e-12)
+
+
 def _prior(
-    layout: Layout, cells: Cells, scene: Scene, extras_precision: Floats | None, extras_centre: Floats | None
+    layout: Layout, views: Sequence[View], extras_precision: Floats | None, extras_centre: Floats | None
 ) -> Prior:
-    """Colours at least 0 with a prior too wide to matter, F0 at most 1, a pedestal near 0."""
-    signal = max(signal_scale(cells), 1e-12)
-    light = max(float(np.mean([lamp.at(np.zeros((1, 3)))[1] for lamp in scene.lights])), 1e-12)
+    """Colours at least 0 with a prior too wide to matter, F0 at most 1, pedestals near 0."""
+    signals = {numbered("pedestal", v): max(signal_scale(view.cells), 1e-12) for v, view in enumerate(views)}
+    bright = max(signals[numbered("pedestal", v)] / irradiance_scale(view.scene) for v, view in enumerate(views))
     low, high, precision = np.zeros(layout.size), np.full(layout.size, np.inf), np.zeros((layout.size, layout.size))
     for i, (name, _) in enumerate(layout.names):
-        sd = PEDESTAL_SD * signal if name == "pedestal" else 1e4 * signal / light
-        precision[i, i] = sd**-2
-        if name == "pedestal":
+        precision[i, i] = (PEDESTAL_SD * signals[name] if name in signals else 1e4 * bright) ** -2
+        if name in signals:
             low[i] = -np.inf
         if name == "specular_f0":
             high[i] = 1.0
@@ -159,6 +215,7 @@ def minima(problem: Problem) -> list[Optimum]:
 
 def _begin(problem: Problem, few: Optimum) -> Optimum:
     """Go on with all cells from an optimum on a few of them, weighed by what it predicts."""
+    problem = replace(problem, fresnel=few.problem.fresnel)
     cols = problem.columns(few.u, derivatives=True)
     x = np.concatenate([few.x, problem.prior.centre[len(few.x) :]])
     return refine(problem, few.u, weights_at(problem, problem.predict(cols, x)), cols)
@@ -171,16 +228,36 @@ def refine(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | Non
     """
     here = _descend(problem, u, weights, cols)
     for _ in range(ROUNDS):
-        weights = weights_at(problem, here.predicted)
-        if _alike(weights, here.optimum):
+        weights, problem = weights_at(problem, here.predicted), _tangent_at(here.optimum)
+        if problem is here.optimum.problem and _alike(weights, here.optimum):
             break
         before, here = here, _descend(problem, here.optimum.u, weights)
         u = here.optimum.u
-        if len(u) == 0 or np.all(
-            np.abs(u - before.optimum.u) <= STANDS_SD * _shape_sd(here.optimum.joint, problem.layout)
+        if problem is before.optimum.problem and (
+            len(u) == 0
+            or np.all(np.abs(u - before.optimum.u) <= STANDS_SD * _shape_sd(here.optimum.joint, problem.layout))
         ):
             break
     return here.optimum
+
+
+def _tangent_at(optimum: Optimum) -> Problem:
+    """The problem with a dielectric's tangent taken at the F0 that was found; itself where that makes no difference."""
+    problem, fresnel = optimum.problem, optimum.problem.fresnel
+    if fresnel.choice == "schlick" or fresnel.kind not in ("known", "pair"):
+        return problem
+    f0 = float(np.clip(np.mean(f0_of(problem, optimum.x)), *TANGENT_F0))
+    if abs(f0 - fresnel.f0) <= TANGENT_STANDS * fresnel.f0:
+        return problem
+    return replace(problem, fresnel=replace(fresnel, f0=f0))
+
+
+def f0_of(problem: Problem, x: Floats) -> Floats:
+    """F0 per channel (..., 3) of linear unknowns (..., P), where the fit has one."""
+    if problem.fresnel.kind == "known":
+        return problem.layout.of("specular_f0", x)
+    scale = np.maximum(problem.layout.of("specular_scale", x), 1e-30)
+    return np.asarray(problem.layout.of("specular_scale_f0", x) / scale)
 
 
 def _alike(weights: Weighing, optimum: Optimum) -> bool:
@@ -206,8 +283,7 @@ def _misfit(chi2: float, cells: int) -> float:
 
 def _search(problem: Problem) -> list[Optimum]:
     """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
-    cells = problem.cells.thinned(max(len(problem.cells.x_px) // SEARCH_CELLS, 1))
-    few = pose(problem.model, problem.scene, cells, problem.noise)
+    few = pose_views(problem.model, [_thinned(view) for view in problem.views], fresnel=problem.fresnel)
     weights = _provisional(few)
     if not problem.model.parameters:
         return [refine(few, np.zeros(0), weights)]
@@ -216,6 +292,11 @@ def _search(problem: Problem) -> list[Optimum]:
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]
+
+
+def _thinned(view: View) -> View:
+    cells = view.cells.thinned(max(len(view.cells.x_px) // SEARCH_CELLS, 1))
+    return View.of(view.scene, cells, view.noise)
 
 
 def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:
@@ -240,10 +321,11 @@ def _bottom(u: Floats, chi2: Floats, i: int) -> Floats:
 
 def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
     """Chi-square at several shapes (S, D) at once, of a problem without extra columns."""
-    cols = columns_of_many(problem.model, problem.fresnel, problem.lights, problem.cells, shapes)
-    matrix, rhs, squares = equations(sums_of(cols, problem.cells, weights), problem.layout, problem.prior)
-    found = [bounded(m, r, problem.prior)[0] for m, r in zip(matrix, rhs, strict=True)]
-    return np.array([s + x @ m @ x - 2 * x @ r for s, x, m, r in zip(squares, found, matrix, rhs, strict=True)])
+    found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
+    cols = tuple(one for three in found for one in three)
+    matrix, rhs, squares = equations(sums_of(cols, problem.channels, weights), problem.layout, problem.prior)
+    best = [bounded(m, r, problem.prior)[0] for m, r in zip(matrix, rhs, strict=True)]
+    return np.array([s + x @ m @ x - 2 * x @ r for s, x, m, r in zip(squares, best, matrix, rhs, strict=True)])
 
 
 def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
@@ -271,14 +353,18 @@ def _shape_sd(joint: Floats, layout: Layout) -> Floats:
 
 def _provisional(problem: Problem) -> Weighing:
     """Weights before there is a prediction; clipped cells wait until there is one."""
-    return weights_at(problem, tuple(data.value for data in problem.cells.channels))
+    return weights_at(problem, tuple(data.value for data in problem.channels))
 
 
 def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
     """One over the variance of each cell's mean at the predicted radiance; none where a clipped one is reached."""
     weights = tuple(
-        np.where(data.censored & (signal >= data.value), 0.0, data.count / problem.noise.variance(signal, c))
-        for c, (data, signal) in enumerate(zip(problem.cells.channels, predicted, strict=True))
+        np.where(data.censored & (signal >= data.value), 0.0, data.count / noise.variance(signal, c))
+        for (noise, c, data), signal in zip(
+            ((view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)),
+            predicted,
+            strict=True,
+        )
     )
     return weigh(weights, problem.extras)
 
@@ -390,7 +476,7 @@ class _Projection:
 
 def _project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> _Projection:
     cols = problem.columns(u, derivatives=True) if cols is None else cols
-    sums = sums_of(cols, problem.cells, weights)
+    sums = sums_of(cols, problem.channels, weights)
     normal = problem.combine(sums, weights)
     x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
     chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)

@@ -1,8 +1,8 @@
-"""One model on one photograph, from cells to a `Fit`: optimum, posterior, estimates, predictive density."""
+"""One model on one photograph or on several of one material: optimum, posterior, estimates, predictive density."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -13,11 +13,12 @@ from .blocks import blocks_of, by_block
 from .cells import Cells, gather
 from .compare import elpd_blocks
 from .discrepancy import stretch_of, stretched
-from .estimates import estimates_of, flags_of, named_draws
-from .fit import Optimum, pose
+from .estimates import estimates_of, flags_of, named_draws, schlick_misleads
+from .fit import Optimum, View, pose_views
+from .joint import on_one_scale
 from .model import Model
 from .normal import inverse
-from .nuisances import Shifts, doubted, fit_with_shifts, shifted, shifts_of
+from .nuisances import Shifts, doubted, fit_with_shifts, shifted, shifts_of_all
 from .posterior import CHAINS, Progress, sample
 from .structure import LEAST_P, structure_p
 
@@ -34,21 +35,45 @@ def infer(
     effective: int = 4000,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit one model.
+    """Fit one model to one photograph; as `infer_views` does."""
+    return infer_views(
+        [View.of(scene, cells, image.noise)],
+        model,
+        seed=seed,
+        fixed=fixed,
+        discrepancy=discrepancy,
+        effective=effective,
+        progress=progress,
+    )
+
+
+def infer_views(
+    views: Sequence[View],
+    model: Model,
+    *,
+    seed: int,
+    fixed: Collection[str] = (),
+    discrepancy: bool = True,
+    effective: int = 4000,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit one model to one photograph, or to several of one material: one shape, the same colours, own calibrations.
 
     `fixed` names the calibration that is exactly known ("light", "centre", ..., or "all"); without `discrepancy` the
     intervals are those of a model that is exactly right.
     """
-    shifts = shifts_of(scene, fixed)
-    problem = pose(model, scene, cells, image.noise)
-    optimum, total = fit_with_shifts(problem, shifts)
-    blocks = by_block(optimum, blocks_of(scene, cells))
+    views = on_one_scale(model, views)
+    scenes = [view.scene for view in views]
+    shifts = shifts_of_all(scenes, fixed)
+    optimum, total = fit_with_shifts(pose_views(model, views), shifts)
+    blocks = by_block(optimum, *(blocks_of(view.scene, view.cells) for view in views))
     stretch = stretch_of(optimum, blocks) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(optimum)
     estimates = estimates_of(optimum, draws)
     elpd = elpd_blocks(optimum, blocks)
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}
+    seen = [shifted(scene, shifts, total, v) for v, scene in enumerate(scenes)]
     names = {p.name for p in model.parameters}
     colours = {name: value for name, value in at_mode.items() if name not in names}
     if optimum.problem.fresnel.kind == "strength":
@@ -60,7 +85,8 @@ def infer(
         status=optimum.status,
         flags=flags_of(optimum, estimates, draws, (chi2_reduced, residual))
         + ((Flag.CALIBRATION_DOUBTED,) if doubted(optimum, shifts, total) else ())
-        + ((Flag.STRUCTURED_RESIDUALS,) if structure_p(optimum) < LEAST_P else ()),
+        + ((Flag.STRUCTURED_RESIDUALS,) if structure_p(optimum) < LEAST_P else ())
+        + ((Flag.SCHLICK_MISLEADS,) if schlick_misleads(optimum, estimates) else ()),
         shape={name: float(at_mode[name]) for name in names},
         colours=colours,
         chi2_reduced=chi2_reduced,
@@ -69,7 +95,8 @@ def infer(
         parameters=estimates,
         diagnostics=draws.diagnostics,
         draws=_by_chain(named_draws(optimum, draws.u, draws.x)),
-        scene=shifted(scene, shifts, total) if shifts.names else scene,
+        scene=seen[0],
+        others=tuple(seen[1:]),
         nuisances=_shift_table(optimum, shifts, total, stretch),
     )
 
@@ -85,7 +112,7 @@ def misfit(optimum: Optimum) -> tuple[float, float]:
     problem = optimum.problem
     predicted = problem.predict(problem.columns(optimum.u), optimum.x)
     chi2, square, signal, cells = 0.0, 0.0, 0.0, 0
-    for w, data, p in zip(optimum.weights.weights, problem.cells.channels, predicted, strict=True):
+    for w, data, p in zip(optimum.weights.weights, problem.channels, predicted, strict=True):
         residual = data.value - p
         chi2 += float(w @ residual**2)
         square += float((data.count * (w > 0)) @ residual**2)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from toolkit.geometry.sphere import on_sphere
 from toolkit.records import Fit, Floats, ModelLayers
+from toolkit.reflectance.fresnel import reflectance
 from toolkit.reflectance.lobe import LOBES
 
-from .model import TYPICAL_F0, Lit, lit_by, mirror_schlick
+from .model import TYPICAL_F0, Lit, lit_by, mirror_cosine
 
 CHUNK = 1 << 18  # samples predicted at a time, so that memory stays flat
 
@@ -57,10 +58,10 @@ def specular_colour(fit: Fit, lit: Lit) -> Floats:
     if "specular_albedo" in fit.colours:
         return np.asarray(fit.colours["specular_albedo"])
     f0 = np.nan_to_num(fit.colours["specular_f0"], nan=TYPICAL_F0)
-    reference = mirror_schlick(fit.scene, fit.scene.lights[0])
-    s = lit.schlick[:, None]
-    ratio = (f0 * (1 - s) + s) / (f0 * (1 - reference) + reference)
-    return np.asarray(fit.colours["specular_strength"] * ratio)
+    choice = fit.variant.get("fresnel", "schlick")
+    reference = reflectance(np.array(mirror_cosine(fit.scene, fit.scene.lights[0])), f0, choice)
+    there = reflectance(lit.cosines.l_dot_h[:, None], f0, choice)
+    return np.asarray(fit.colours["specular_strength"] * there / np.maximum(reference, 1e-12))
 
 
 def layers_of(

@@ -1,19 +1,22 @@
 """A model of the radiance: one diffuse and one specular lobe, linear in their colours, and its columns on the cells.
 
-radiance[p, c] = sum over lights E[p, c] (albedo_c diffuse + F specular) + pedestal_c, with F by Schlick where the
-lobe wants it: F0 (1 - s) + s, s = (1 - cos theta_d)^5, so that F0 is one more linear number.
+radiance[p, c] = sum over lights E[p, c] (albedo_c diffuse + F specular) + pedestal_c. Where the lobe wants Fresnel's
+factor it is F = a + b F0, so that F0 is one more linear number: Schlick's s and 1 - s with s = (1 - cos theta_d)^5, or
+the tangent of a dielectric's exact reflectance, taken anew until the F0 that it is taken at stands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from toolkit.geometry.sphere import Surface, surface
-from toolkit.records import Floats, Light, Scene
+from toolkit.records import Floats, Light, Scene, scale_of
 from toolkit.reflectance.cosines import Cosines
+from toolkit.reflectance.fresnel import dielectric_pair, reflectance
 from toolkit.reflectance.lobe import LOBES, Lobe, Parameter
 
 from .cells import Cells, ChannelCells
@@ -98,24 +101,47 @@ def _per_place(values: Floats, function: Callable[[Floats], Floats]) -> Floats:
 class Fresnel:
     """How F enters the columns.
 
-    "none": the lobe has no F. "known": the irradiance is known, coefficient F0 with the column (1 - s) and the
-    offset s. "pair": unknown scale ks, coefficients ks F0 and ks. "strength": s is the same all over the highlight,
-    so only F(theta_d) = `reference` counts, times the unknown scale.
+    "none": the lobe has no F. "known": the irradiance is known, coefficient F0 with the column b and the offset a.
+    "pair": unknown scale ks, coefficients ks F0 and ks. "strength": theta_d is the same all over the highlight, so
+    only F(theta_d) = `reference` counts, times the unknown scale.
     """
 
-    kind: str
-    reference_s: float  # Schlick's s at the mirror geometry of the brightest light
+    kind: Literal["none", "known", "pair", "strength"]
+    choice: str  # of toolkit.reflectance.fresnel.FRESNEL
+    cosine: float  # of theta_d at the mirror geometry of the first light
+    f0: float = TYPICAL_F0  # at which a dielectric's tangent is taken
+
+    def pair(self, lit: Lit) -> tuple[Floats | float, Floats | float]:
+        """(b, a) of F = a + b F0 under one light."""
+        if self.choice == "schlick":
+            once = _constant(lit.schlick)
+            s = lit.schlick if once is None else once
+            return 1 - s, s
+        once = _constant(lit.cosines.l_dot_h)
+        b, a = dielectric_pair(lit.cosines.l_dot_h if once is None else np.array(once), self.f0)
+        return (b, a) if once is None else (float(b), float(a))
+
+    def at_mirror(self, f0: Floats | float) -> Floats:
+        """F in the middle of the first light's highlight."""
+        return reflectance(np.array(self.cosine), f0, self.choice)
+
+    def slope_at_mirror(self) -> float:
+        """The derivative of F in F0 there."""
+        if self.choice == "schlick":
+            return 1.0 - (1.0 - self.cosine) ** 5
+        return float(dielectric_pair(np.array(self.cosine), self.f0)[0])
 
 
-def fresnel_of(model: Model, scene: Scene) -> Fresnel:
-    """How F can enter: by what the scene's lights and scale let a photograph tell."""
-    at_mirror = [mirror_schlick(scene, light) for light in scene.lights]
+def fresnel_of(model: Model, scenes: Sequence[Scene]) -> Fresnel:
+    """How F can enter: by what the scenes' lights and scale let their photographs tell."""
+    cosines = [mirror_cosine(scene, light) for scene in scenes for light in scene.lights]
+    choice = model.variant.get("fresnel", "schlick")
     if not model.specular.fresnel:
-        return Fresnel(kind="none", reference_s=at_mirror[0])
-    if scene.scale == "absolute":
-        return Fresnel(kind="known", reference_s=at_mirror[0])
-    kind = "pair" if np.ptp(at_mirror) > IDENTIFYING_SPREAD else "strength"
-    return Fresnel(kind=kind, reference_s=at_mirror[0])
+        return Fresnel(kind="none", choice=choice, cosine=cosines[0])
+    if scale_of(scenes) == "absolute":
+        return Fresnel(kind="known", choice=choice, cosine=cosines[0])
+    told = np.ptp((1.0 - np.array(cosines)) ** 5) > IDENTIFYING_SPREAD
+    return Fresnel(kind="pair" if told else "strength", choice=choice, cosine=cosines[0])
 
 
 def mirror_normal(scene: Scene, light: Light) -> Floats:
@@ -131,10 +157,10 @@ def mirror_normal(scene: Scene, light: Light) -> Floats:
     return np.asarray(normal)
 
 
-def mirror_schlick(scene: Scene, light: Light) -> float:
-    """Schlick's s at the centre of the highlight."""
+def mirror_cosine(scene: Scene, light: Light) -> float:
+    """The cosine of theta_d at the centre of the highlight."""
     normal = mirror_normal(scene, light)
-    return float((1.0 - light.at(normal[None])[0][0] @ normal) ** 5)
+    return float(np.clip(light.at(normal[None])[0][0] @ normal, 0.0, 1.0))
 
 
 def view_of_centre(scene: Scene) -> Floats:
@@ -237,16 +263,15 @@ def _terms(
         diffuse, specular = (None if part is None else part * lit.falloff for part in (diffuse, specular))
     else:
         scale *= far
-    once = _constant(lit.schlick)
-    s = lit.schlick if once is None else once
     body, nothing = (diffuse, scale), (None, 0.0)
     if fresnel.kind == "none":
         return [nothing, body, (specular, scale)]
+    b, a = fresnel.pair(lit)
     if fresnel.kind == "strength":
-        ratio = (TYPICAL_F0 + (1 - TYPICAL_F0) * s) / (TYPICAL_F0 + (1 - TYPICAL_F0) * fresnel.reference_s)
+        ratio = (a + b * TYPICAL_F0) / float(fresnel.at_mirror(TYPICAL_F0))
         return [nothing, body, _times(specular, ratio, scale)]
-    without, with_s = _times(specular, 1 - s, scale), _times(specular, s, scale)
-    return [with_s, body, without] if fresnel.kind == "known" else [nothing, body, without, with_s]
+    without, with_a = _times(specular, b, scale), _times(specular, a, scale)
+    return [with_a, body, without] if fresnel.kind == "known" else [nothing, body, without, with_a]
 
 
 def _constant(values: Floats) -> float | None:

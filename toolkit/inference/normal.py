@@ -1,4 +1,7 @@
-"""The normal equations of everything linear: colours, pedestal and calibration shifts, for all channels at once."""
+"""The normal equations of everything linear: colours, pedestals and calibration shifts, for all channels at once.
+
+The channels of several photographs of one material stand side by side: three of each.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from scipy.linalg.lapack import dposv
 
 from toolkit.records import Floats, readonly
 
-from .cells import Cells
+from .cells import ChannelCells
 from .model import Columns
 
 SHARED = frozenset({"specular_scale"})  # one number for all channels, whatever the specular colour
@@ -38,20 +41,28 @@ class Layout:
         return np.asarray(values[..., where])
 
 
-def lay_out(names: tuple[str, ...], *, neutral: bool, extras: int) -> Layout:
-    """One coefficient a channel for every column, but for shared ones and, where `neutral`, the specular ones."""
-    order: list[tuple[str, int | None]] = []
+def lay_out(names: tuple[str, ...], *, neutral: bool, extras: int, photographs: int = 1) -> Layout:
+    """One coefficient a channel for every column, but for shared ones and, where `neutral`, the specular ones.
+
+    Photographs share all of them but the pedestal: that of the second is `pedestal_2`.
+    """
+    order: dict[tuple[str, int | None], int] = {}
     index: list[NDArray[np.intp]] = []
-    for channel in range(3):
-        mine = []
-        for name in names:
-            shared = name in SHARED or (neutral and name.startswith("specular"))
-            key = (name, None if shared else channel)
-            if key not in order:
-                order.append(key)
-            mine.append(order.index(key))
-        index.append(np.array(mine, np.intp))
+    for photograph in range(photographs):
+        own = [numbered(name, photograph) if name == "pedestal" else name for name in names]
+        for channel in range(3):
+            keys = [(name, None if _is_shared(name, neutral=neutral) else channel) for name in own]
+            index.append(np.array([order.setdefault(key, len(order)) for key in keys], np.intp))
     return Layout(names=tuple(order), index=tuple(index), extras=extras)
+
+
+def numbered(name: str, photograph: int) -> str:
+    """The name of what each photograph has of its own: plain for the first."""
+    return name if photograph == 0 else f"{name}_{photograph + 1}"
+
+
+def _is_shared(name: str, *, neutral: bool) -> bool:
+    return name in SHARED or (neutral and name.startswith("specular"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,10 +118,10 @@ class Sums:
     extra_data: Floats  # (q,), of the extra columns with the data
 
 
-def sums_of(columns: tuple[Columns, ...], cells: Cells, weighing: Weighing) -> tuple[Sums, ...]:
+def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], weighing: Weighing) -> tuple[Sums, ...]:
     """One pass over the cells of each channel."""
     found = []
-    for c, (cols, data, w) in enumerate(zip(columns, cells.channels, weighing.weights, strict=True)):
+    for c, (cols, data, w) in enumerate(zip(columns, channels, weighing.weights, strict=True)):
         table = cols.table.reshape(*cols.table.shape[:-3], -1, len(w))
         weighted, extra, value_w = table * w, weighing.weighted[c], data.value * w
         found.append(
@@ -143,15 +154,15 @@ def combine(
     sums: tuple[Sums, ...], weighing: Weighing, layout: Layout, prior: Prior, at: Floats | None = None
 ) -> Normal:
     """Normal equations at one shape; with coefficients `at` (P,), of the steps from them and from the shape."""
-    index = np.stack(layout.index)  # (3, k)
-    k, rows, named = index.shape[1], len(sums[0].data), len(layout.names)
+    index = np.stack(layout.index)  # (C, k)
+    (channels, k), rows, named = index.shape, len(sums[0].data), len(layout.names)
     shapes = rows // (1 + k) - 1 if at is not None else 0
     products, data = np.stack([one.products for one in sums]), np.stack([one.data for one in sums])
-    told = np.zeros((3, rows))  # what the prediction has of each row of the tables
+    told = np.zeros((channels, rows))  # what the prediction has of each row of the tables
     told[:, 0] = 1.0
     if at is not None:
         told[:, 1 : 1 + k] = at[index]
-    pick = np.zeros((3, rows, k + shapes))  # each unknown's derivative of the prediction, in the tables' rows
+    pick = np.zeros((channels, rows, k + shapes))  # each unknown's derivative of the prediction, in the tables' rows
     pick[:, np.arange(1, 1 + k), np.arange(k)] = 1.0
     for j in range(shapes):
         pick[:, (1 + k) * (1 + j) : (1 + k) * (2 + j), k + j] = told[:, : 1 + k]
@@ -162,7 +173,7 @@ def combine(
     matrix[: layout.size, : layout.size] = prior.precision
     rhs[: layout.size] = prior.precision @ towards
     squares += float(towards @ rhs[: layout.size])
-    to = np.concatenate([index, np.broadcast_to(np.arange(layout.size, len(rhs)), (3, shapes))], axis=1)
+    to = np.concatenate([index, np.broadcast_to(np.arange(layout.size, len(rhs)), (channels, shapes))], axis=1)
     turned = np.swapaxes(pick, 1, 2)
     if layout.extras:
         more, extra = np.zeros(layout.extras) if at is None else at[named:], slice(named, layout.size)

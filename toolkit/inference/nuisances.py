@@ -11,14 +11,18 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from toolkit.records import Floats, Light, Scene, Sphere
+from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
-from .cells import Cells, direction_sd_rad
-from .fit import Optimum, Problem, chi2_at, fit, minima, pose
+from .cells import direction_sd_rad
+from .fit import Optimum, Problem, View, chi2_at, fit, minima, pose_views
 from .model import columns, lit_by
 from .normal import inverse, weigh
 
+SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
+SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
 ROUNDS = 20
@@ -51,53 +55,94 @@ class ShiftedLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shifts:
-    """Names, units and prior sds of the shifts that a scene allows."""
+    """The shifts that are free: names with units, which photograph each is of, and their Gaussian prior about 0."""
 
     names: tuple[str, ...]
-    sd: Floats
+    photograph: NDArray[np.intp]
+    covariance: Floats
+
+    @property
+    def sd(self) -> Floats:
+        """Prior sds."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def precision(self) -> Floats:
+        """Inverse of the prior's covariance."""
+        return np.asarray(np.linalg.inv(self.covariance))
+
+    def of(self, photograph: int, values: Floats) -> dict[str, float]:
+        """One photograph's shifts by their names without its number."""
+        mine = np.flatnonzero(self.photograph == photograph)
+        return {self.names[i].removeprefix(prefix(photograph)): float(values[i]) for i in mine}
+
+
+def prefix(photograph: int) -> str:
+    """What the names of a photograph's own shifts begin with: nothing for the first."""
+    return f"photograph{photograph + 1}." if photograph else ""
 
 
 def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
-    """Which shifts are free: two of each light, its nearness, two of the centre, the radius; less what is `fixed`.
+    """Which shifts of one photograph are free: two of each light, its nearness, two of the centre, the radius.
 
-    `fixed` may hold "light", "distance", "centre", "radius", or "all".
+    `fixed` may hold "light", "distance", "centre", "radius", or "all". The outline's correlations are kept.
     """
-    covariance = np.asarray(scene.sphere.covariance_px2)
     found: list[tuple[str, str, float]] = []
     for i, light in enumerate(scene.lights):
         tilt = direction_sd_rad(light)
         found += [("light", f"light{i}.tilt_x_rad", tilt), ("light", f"light{i}.tilt_y_rad", tilt)]
         found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
+    lights = len(found)
+    outline = np.asarray(scene.sphere.covariance_px2)
     for j, (group, name) in enumerate(
         (("centre", "sphere.centre_x_px"), ("centre", "sphere.centre_y_px"), ("radius", "sphere.radius_px"))
     ):
-        found.append((group, name, float(np.sqrt(max(covariance[j, j], 0.0)))))
-    free = [(name, sd) for group, name, sd in found if group not in fixed and "all" not in fixed and sd > 0]
-    return Shifts(names=tuple(name for name, _ in free), sd=np.array([sd for _, sd in free]))
+        found.append((group, name, float(np.sqrt(max(outline[j, j], 0.0)))))
+    covariance = block_diag(np.diag([sd**2 for _, _, sd in found[:lights]]), outline)
+    free = [i for i, (group, _, sd) in enumerate(found) if group not in fixed and "all" not in fixed and sd > 0]
+    return Shifts(
+        names=tuple(found[i][1] for i in free),
+        photograph=np.zeros(len(free), np.intp),
+        covariance=covariance[np.ix_(free, free)],
+    )
+
+
+def shifts_of_all(scenes: Sequence[Scene], fixed: Collection[str] = ()) -> Shifts:
+    """The shifts of several photographs of one material: each one's own, and the scale of what has none.
+
+    A photograph whose irradiance is not known has three numbers more, the logarithm of each channel's scale; where
+    none is known, the first one's stands for the unit.
+    """
+    each = [shifts_of(scene, fixed) for scene in scenes]
+    unit = None if scale_of(scenes) == "absolute" else 0
+    for v, scene in enumerate(scenes):
+        if scene.scale == "relative" and v != unit:
+            mine = each[v]
+            each[v] = Shifts(
+                names=(*mine.names, *SCALES),
+                photograph=np.zeros(len(mine.names) + 3, np.intp),
+                covariance=block_diag(mine.covariance, np.eye(3) * SCALE_SD**2),
+            )
+    return Shifts(
+        names=tuple(prefix(v) + name for v, mine in enumerate(each) for name in mine.names),
+        photograph=np.repeat(np.arange(len(each)), [len(mine.names) for mine in each]),
+        covariance=block_diag(*(mine.covariance for mine in each if mine.names)),
+    )
 
 
 def doubted(optimum: Optimum, shifts: Shifts, total: Floats) -> bool:
     """Whether the photograph contradicts its calibration: a shift or a pedestal far outside its prior."""
     prior = optimum.problem.prior
-    pedestal = np.array([name == "pedestal" for name, _ in optimum.problem.layout.names])
+    pedestal = np.array([name.startswith("pedestal") for name, _ in optimum.problem.layout.names])
     pedestals = optimum.x[: len(pedestal)][pedestal] * np.sqrt(np.diag(prior.precision)[: len(pedestal)][pedestal])
     return bool(max(np.abs(pedestals).max(initial=0.0), np.abs(total / shifts.sd).max(initial=0.0)) > DOUBTED_SDS)
 
 
-def prior_precision(scene: Scene, shifts: Shifts) -> Floats:
-    """Inverse covariance of the shifts; the outline's correlations between centre and radius are kept."""
-    covariance = np.diag(shifts.sd**2)
-    sphere = {"sphere.centre_x_px": 0, "sphere.centre_y_px": 1, "sphere.radius_px": 2}
-    for i, a in enumerate(shifts.names):
-        for j, b in enumerate(shifts.names):
-            if a in sphere and b in sphere:
-                covariance[i, j] = scene.sphere.covariance_px2[sphere[a], sphere[b]]
-    return np.asarray(np.linalg.inv(covariance))
-
-
-def shifted(scene: Scene, shifts: Shifts, values: Floats) -> Scene:
-    """The scene with the shifts applied."""
-    by_name = dict(zip(shifts.names, values, strict=True))
+def shifted(scene: Scene, shifts: Shifts, values: Floats, photograph: int = 0) -> Scene:
+    """A photograph's scene with its shifts applied."""
+    by_name = shifts.of(photograph, values)
+    if not by_name:
+        return scene
     lights = tuple(_shift_light(light, i, by_name) for i, light in enumerate(scene.lights))
     sphere = scene.sphere
     x, y = sphere.centre_px
@@ -111,25 +156,38 @@ def shifted(scene: Scene, shifts: Shifts, values: Floats) -> Scene:
     return replace(scene, lights=lights, sphere=moved)
 
 
+def brightened(scene: Scene, factor: Floats) -> Scene:
+    """The scene with every light's irradiance, 1 where it is not known, multiplied per channel."""
+    logs = dict(zip(SCALES, np.log(factor), strict=True))
+    return replace(scene, lights=tuple(_shift_light(light, i, logs) for i, light in enumerate(scene.lights)))
+
+
 def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
-    prefix = f"light{index}."
-    if not any(name.startswith(prefix) for name in by_name):
+    own = f"light{index}."
+    if not any(name.startswith(own) or name in SCALES for name in by_name):
         return light
     direction: Floats = np.array(light.direction, np.float64)
     position = getattr(light, "position", None)
     nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
     across, along = tangents(direction)
-    turned = (
-        direction + by_name.get(prefix + "tilt_x_rad", 0.0) * across + by_name.get(prefix + "tilt_y_rad", 0.0) * along
-    )
+    turned = direction + by_name.get(own + "tilt_x_rad", 0.0) * across + by_name.get(own + "tilt_y_rad", 0.0) * along
     turned /= np.linalg.norm(turned)
     return ShiftedLight(
         kind=light.kind,
         direction=(float(turned[0]), float(turned[1]), float(turned[2])),
-        nearness=nearness + by_name.get(prefix + "nearness_per_radius", 0.0),
-        irradiance=light.irradiance,
+        nearness=nearness + by_name.get(own + "nearness_per_radius", 0.0),
+        irradiance=_scaled(light, by_name),
         angular_radius_deg=light.angular_radius_deg,
     )
+
+
+def _scaled(light: Light, by_name: dict[str, float]) -> tuple[float, float, float] | None:
+    """A light's irradiance times its photograph's scale; None stays so where there is no such number."""
+    if not any(name in by_name for name in SCALES):
+        return light.irradiance
+    factor = [float(np.exp(by_name.get(name, 0.0))) for name in SCALES]
+    red, green, blue = (e * f for e, f in zip(light.irradiance or (1.0, 1.0, 1.0), factor, strict=True))
+    return red, green, blue
 
 
 def tangents(direction: Floats) -> tuple[Floats, Floats]:
@@ -153,8 +211,17 @@ def fit_with_shifts(problem: Problem, shifts: Shifts) -> tuple[Optimum, Floats]:
     best, total = _best([_follow(problem, optimum, shifts, nowhere) for optimum in starts])
     if starts[0].chi2 - best.chi2 < MISLED:
         return best, total
-    moved = pose(problem.model, shifted(problem.scene, shifts, total), problem.cells, problem.noise)
+    moved = _moved(problem, shifts, total)
     return _best([(best, total), *(_follow(problem, optimum, shifts, total) for optimum in minima(moved))])
+
+
+def _moved(problem: Problem, shifts: Shifts, total: Floats) -> Problem:
+    """The problem in the shifted scenes, without columns for further shifts."""
+    return pose_views(problem.model, _views(problem, shifts, total), fresnel=problem.fresnel)
+
+
+def _views(problem: Problem, shifts: Shifts, total: Floats) -> list[View]:
+    return [view.moved(shifted(view.scene, shifts, total, v)) for v, view in enumerate(problem.views)]
 
 
 def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
@@ -163,57 +230,63 @@ def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
 
 def _follow(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> tuple[Optimum, Floats]:
     """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened."""
-    prior = prior_precision(problem.scene, shifts)
     for _ in range(ROUNDS):
-        linear = _linearised(problem, optimum, shifts, prior, total)
+        linear = _linearised(problem, optimum, shifts, total)
         optimum = fit(linear, start=optimum)
         moved = optimum.x[len(linear.layout.names) :]
         sd = np.sqrt(np.diag(inverse(optimum.joint))[len(linear.layout.names) : linear.layout.size])
         if np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)):
             return optimum, total + moved
-        total = total + _share(problem, optimum, shifts, prior, total, moved) * moved
+        total = total + _share(problem, optimum, shifts, total, moved) * moved
     return replace(optimum, status=f"calibration not settled after {ROUNDS} rounds"), total
 
 
-def _linearised(problem: Problem, optimum: Optimum, shifts: Shifts, prior: Floats, total: Floats) -> Problem:
-    """The problem with the scene shifted by `total` and further small shifts as columns."""
-    return pose(
+def _linearised(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> Problem:
+    """The problem with the scenes shifted by `total` and further small shifts as columns."""
+    return pose_views(
         problem.model,
-        shifted(problem.scene, shifts, total),
-        problem.cells,
-        problem.noise,
-        extras=sensitivity(optimum, problem.scene, shifts, total, problem.cells),
-        extras_precision=prior,
+        _views(problem, shifts, total),
+        fresnel=optimum.problem.fresnel,
+        extras=sensitivity(optimum, problem.views, shifts, total),
+        extras_precision=shifts.precision,
         extras_centre=-total,
     )
 
 
-def _share(problem: Problem, optimum: Optimum, shifts: Shifts, prior: Floats, total: Floats, moved: Floats) -> float:
+def _share(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats, moved: Floats) -> float:
     """How much of a move to make: all, unless the picture, not linearised, would be worse there than before."""
-    weights = weigh(optimum.weights.weights, problem.extras)
+    weights, problem = weigh(optimum.weights.weights, problem.extras), replace(problem, fresnel=optimum.problem.fresnel)
+    prior = shifts.precision
 
     def chi2(values: Floats) -> float:
-        there = pose(problem.model, shifted(problem.scene, shifts, values), problem.cells, problem.noise)
-        return chi2_at(there, optimum.u, weights) + float(values @ prior @ values)
+        return chi2_at(_moved(problem, shifts, values), optimum.u, weights) + float(values @ prior @ values)
 
     here = chi2(total)
     return next((share for share in SHARES if chi2(total + share * moved) < here), SHARES[-1])
 
 
-def sensitivity(optimum: Optimum, scene: Scene, shifts: Shifts, total: Floats, cells: Cells) -> tuple[Floats, ...]:
-    """Per channel, the change of the predicted radiance with each shift (n, q), by differences."""
-    problem, nodes = optimum.problem, cells.nodes()
+def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: Floats) -> tuple[Floats, ...]:
+    """Per channel, the change of the predicted radiance with each shift (n, q), by differences.
 
-    def predicted(values: Floats) -> list[Floats]:
-        cols = columns(problem.model, problem.fresnel, lit_by(shifted(scene, shifts, values), *nodes), cells, optimum.u)
-        return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, problem.layout.index, strict=True)]
-
-    here = predicted(total)
+    `views` are the photographs as told, `total` the shifts at which the change is asked for.
+    """
+    found: list[Floats] = []
     steps = np.diag(RELATIVE_STEP * shifts.sd)
-    there = [predicted(total + step) for step in steps]
-    return tuple(
-        np.stack(
-            [(moved[c] - here[c]) / step[j] for j, (moved, step) in enumerate(zip(there, steps, strict=True))], axis=1
-        )
-        for c in range(3)
-    )
+    for v, view in enumerate(views):
+        here = _predicted(optimum, view, shifts, total, v)
+        slopes = [np.zeros((len(values), len(steps))) for values in here]
+        for j in np.flatnonzero(shifts.photograph == v):
+            there = _predicted(optimum, view, shifts, total + steps[j], v)
+            for slope, after, before in zip(slopes, there, here, strict=True):
+                slope[:, j] = (after - before) / steps[j, j]
+        found += slopes
+    return tuple(found)
+
+
+def _predicted(optimum: Optimum, view: View, shifts: Shifts, values: Floats, photograph: int) -> list[Floats]:
+    """What an optimum predicts of one photograph's three channels with the shifts at these values."""
+    problem = optimum.problem
+    lights = lit_by(shifted(view.scene, shifts, values, photograph), *view.cells.nodes())
+    cols = columns(problem.model, problem.fresnel, lights, view.cells, optimum.u)
+    index = problem.layout.index[3 * photograph : 3 * photograph + 3]
+    return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, index, strict=True)]

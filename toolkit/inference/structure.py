@@ -3,7 +3,7 @@
 The noise of ten thousand cells hides a misfit that runs smoothly over the whole ball: it adds almost nothing to any
 one of them. So the residuals are asked only for what a broken assumption would leave, in two ways. Each channel for
 itself: smooth patterns over the disc (stray light, a second lamp), and rings about the highlight (another lobe). And
-as a share of the picture, the same in all channels, as everything that is wrong with the geometry leaves it: these
+as a share of the picture, the same in all channels of a photograph, as everything that is wrong with the geometry leaves it: these
 patterns, and the rings' two lowest waves around the highlight (an egg, a light or outline that is off). Rao's score
 test (1948): the patterns' scores, judged by the covariance that is left once the fit has taken from them all that it
 can explain.
@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cells import Cells
-from .fit import Optimum
+from .fit import Optimum, View
 from .model import Columns, lit_by
 
 LEAST_P = 1e-3  # below it the residuals are not taken for noise
@@ -39,11 +39,13 @@ def structure_chances(optimum: Optimum) -> tuple[float, float]:
     problem = optimum.problem
     columns = problem.columns(optimum.u, derivatives=True)
     predicted = problem.predict(columns, optimum.x)
-    rows = [data.rows for data in problem.cells.channels]
-    plain, waves = _patterns(optimum)
-    both = np.hstack([plain, waves])
-    alike = [both[r] * p[:, None] for r, p in zip(rows, predicted, strict=True)]
-    apart = _apart([plain[r] for r in rows])
+    plain, whole = [], []
+    for view in problem.views:
+        smooth, waves = _patterns(view)
+        plain += [smooth[data.rows] for data in view.cells.channels]
+        whole += [np.hstack([smooth, waves])[data.rows] for data in view.cells.channels]
+    alike = _by_group([w * p[:, None] for w, p in zip(whole, predicted, strict=True)], channels=3)
+    apart = _by_group(plain, channels=1)
     return _chance(optimum, columns, predicted, apart), _chance(optimum, columns, predicted, alike)
 
 
@@ -55,7 +57,7 @@ def _chance(
 
     count = patterns[0].shape[1]
     score, kept, across = np.zeros(count), np.zeros((count, count)), np.zeros((len(optimum.joint), count))
-    for c, (data, weight) in enumerate(zip(optimum.problem.cells.channels, optimum.weights.weights, strict=True)):
+    for c, (data, weight) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
         here = patterns[c] * weight[:, None]
         score += here.T @ (data.value - predicted[c])
         kept += here.T @ patterns[c]
@@ -68,20 +70,20 @@ def _chance(
     return float(chi2.sf(np.sum(projected**2 / values[whole]), whole.sum())) if whole.any() else 1.0
 
 
-def _apart(patterns: Sequence[Floats]) -> list[Floats]:
-    """Each channel's patterns (n, K) in columns of their own (n, 3 K)."""
-    count = patterns[0].shape[1]
+def _by_group(patterns: Sequence[Floats], *, channels: int) -> list[Floats]:
+    """Patterns (n, K) of all channels, those of each group of `channels` in columns of their own (n, all of them)."""
+    ends = np.cumsum([0, *(patterns[c].shape[1] for c in range(0, len(patterns), channels))])
     found = []
     for c, mine in enumerate(patterns):
-        wide = np.zeros((len(mine), len(patterns) * count))
-        wide[:, c * count : (c + 1) * count] = mine
+        wide = np.zeros((len(mine), ends[-1]))
+        wide[:, ends[c // channels] : ends[c // channels + 1]] = mine
         found.append(wide)
     return found
 
 
-def _patterns(optimum: Optimum) -> tuple[Floats, Floats]:
+def _patterns(view: View) -> tuple[Floats, Floats]:
     """Smooth polynomials over the disc and rings about each highlight (N, K), and waves around the rings (N, L)."""
-    scene, cells = optimum.problem.scene, optimum.problem.cells
+    scene, cells = view.scene, view.cells
     (cx, cy), radius = scene.sphere.centre_px, scene.sphere.radius_px
     x, y = (cells.x_px - cx) / radius, (cells.y_px - cy) / radius
     smooth = [x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]

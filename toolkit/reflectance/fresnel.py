@@ -1,6 +1,7 @@
 """F: the share of light that a smooth interface reflects, for unpolarised light; pure functions of one cosine.
 
-Schlick's form is linear in F0: F = F0 (1 - s) + s. A fit therefore takes the pair (1 - s, s) as two columns.
+Schlick's form is linear in F0: F = F0 (1 - s) + s. A fit therefore takes the pair (1 - s, s) as two columns. The exact
+one of a dielectric bends so little in F0 that its tangent at a nearby F0 is a pair of the same kind.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cosines import Number
+
+FRESNEL = "schlick", "dielectric"  # by which a lobe's F0 can become its F at theta_d
+TANGENT_F0 = 1e-4, 0.9  # between which a tangent in F0 is taken
 
 
 def schlick_pair(cosine: Floats) -> tuple[Floats, Floats]:
@@ -65,6 +69,25 @@ def _along(c: Floats, g: Floats, index: Number) -> Floats:
 def dielectric_f0(index: Number) -> Floats:
     """Reflectance at normal incidence: ((n - 1) / (n + 1))^2; 0.040 for glass, 0.170 for diamond."""
     return np.asarray(np.square((np.asarray(index) - 1.0) / (np.asarray(index) + 1.0)))
+
+
+def index_of(f0: Number) -> Floats:
+    """The refractive index >= 1 of a clear material with reflectance `f0` < 1 at normal incidence."""
+    root = np.sqrt(np.clip(f0, 0.0, 0.999))
+    return np.asarray((1.0 + root) / (1.0 - root))
+
+
+def dielectric_pair(cosine: Floats, f0: float) -> tuple[Floats, Floats]:
+    """(b, a) with F = a + b F0 to first order around `f0`: the tangent of the exact reflectance, as `schlick_pair`."""
+    near = float(np.clip(f0, *TANGENT_F0))
+    value, by_index = dielectric_derivative(cosine, float(index_of(near)))
+    slope = by_index / (np.sqrt(near) * np.square(1.0 - np.sqrt(near)))  # dn / dF0
+    return slope, value - near * slope
+
+
+def reflectance(cosine: Floats, f0: Number, kind: str) -> Floats:
+    """F of reflectance `f0` at normal incidence, by one of `FRESNEL`; both broadcast."""
+    return dielectric(cosine, index_of(f0)) if kind == "dielectric" else schlick(cosine, f0)
 
 
 def conductor(cosine: Floats, n: Number, k: Number) -> Floats:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from toolkit.records import Floats
 
 from .cosines import Cosines
+from .fresnel import FRESNEL
 
 Evaluate = Callable[..., Floats]
 Gradient = Callable[..., tuple[Floats, ...]]
@@ -56,21 +57,27 @@ class Lobe:
     source: str  # key in docs/bibliography.bib
     sharp_angle: Literal["half", "mirror"] | None = None  # which angle carries structure as fine as the shape
     fresnel: bool = False  # the assembly multiplies by Fresnel's factor at theta_d
-    variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # option -> choices, the default first
+    variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # option -> choices, the default first:
+    # those that `evaluate` takes; `options` knows of the assembly's as well
     claims: frozenset[Claim] = frozenset()  # true of every variant
     variant_claims: Mapping[tuple[str, str], frozenset[Claim]] = field(
         default_factory=dict
     )  # more, by (option, choice)
 
+    @property
+    def options(self) -> Mapping[str, tuple[str, ...]]:
+        """Every option with its choices, the default first: the lobe's own, and which F the assembly multiplies by."""
+        return {**self.variants, "fresnel": FRESNEL} if self.fresnel else self.variants
+
     def value(self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None) -> Floats:
         """The lobe at `cosines` for one tuple of shape numbers."""
-        return self.evaluate(cosines, *shape, **self.complete(variant))
+        return self.evaluate(cosines, *shape, **self._own(variant))
 
     def derivative(
         self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
     ) -> tuple[Floats, ...]:
         """The derivative of `value` in each shape number."""
-        return self.gradient(cosines, *shape, **self.complete(variant))
+        return self.gradient(cosines, *shape, **self._own(variant))
 
     def claims_of(self, variant: Mapping[str, str] | None = None) -> frozenset[Claim]:
         """What the lobe says is true of it with these options."""
@@ -78,16 +85,23 @@ class Lobe:
         return self.claims.union(*(self.variant_claims.get(item, frozenset()) for item in chosen))
 
     def complete(self, variant: Mapping[str, str] | None) -> dict[str, str]:
-        """All options, with the defaults filled in; raises ValueError on one that does not exist."""
+        """The lobe's own options with the defaults filled in, and `fresnel` where it is not the default.
+
+        Raises ValueError on one that does not exist.
+        """
+        options = self.options
         chosen = {option: choices[0] for option, choices in self.variants.items()}
         for option, choice in (variant or {}).items():
-            if option not in self.variants:
-                known = ", ".join(self.variants) or "none"
-                raise ValueError(f"{self.name} has no variant {option!r}; it has: {known}")
-            if choice not in self.variants[option]:
-                raise ValueError(f"{self.name}:{option}={choice!r}; expected one of {', '.join(self.variants[option])}")
+            if option not in options:
+                raise ValueError(f"{self.name} has no variant {option!r}; it has: {', '.join(options) or 'none'}")
+            if choice not in options[option]:
+                raise ValueError(f"{self.name}:{option}={choice!r}; expected one of {', '.join(options[option])}")
             chosen[option] = choice
-        return chosen
+        return {o: choice for o, choice in chosen.items() if o in self.variants or choice != options[o][0]}
+
+    def _own(self, variant: Mapping[str, str] | None) -> dict[str, str]:
+        """The options that `evaluate` takes."""
+        return {option: choice for option, choice in self.complete(variant).items() if option in self.variants}
 
 
 LOBES: dict[str, Lobe] = {}

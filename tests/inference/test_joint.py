@@ -1,0 +1,103 @@
+"""Several photographs of one material: what they say together that none says alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from synthetic.camera import exposure_for
+from synthetic.materials import material
+from synthetic.render import render
+from synthetic.scenes import exposed
+from tests.inference.ball import BODY, NOISE, photograph, scene_of
+from toolkit.flags import Flag
+from toolkit.inference.fit import View
+from toolkit.inference.infer import gather_for, infer_views
+from toolkit.inference.joint import of_photograph
+from toolkit.inference.layers import predict
+from toolkit.inference.model import Model
+from toolkit.records import Estimate, Fit, Floats, Scene
+
+SIZE_PX, ALPHA, F0 = 200, 0.15, 0.04  # of refractive index 1.5
+EXACT, SCHLICK = ({"fresnel": choice} for choice in ("dielectric", "schlick"))
+
+
+@cache
+def shot(light_deg: float, size_px: int = SIZE_PX) -> tuple[Floats, Scene]:
+    """A ball under a clear coat, rendered by Fresnel's own equations, and its scene."""
+    scene = scene_of(size_px, light_deg=light_deg, sphere_sd_px=0.3)
+    glass = material("ggx", {"alpha": ALPHA, "diffuse_albedo": BODY, "specular_index": 1.5})
+    picture = render(scene, glass, width_px=size_px, height_px=size_px)
+    factor = exposure_for(picture, highlight=0.8)
+    return picture.radiance() * factor, exposed(scene, factor)
+
+
+def views(*lights_deg: float, seed: int, known: bool, size_px: int = SIZE_PX) -> list[View]:
+    """Photographs of it, with their irradiance or without; the light's direction off by its sd."""
+    found = []
+    for i, light_deg in enumerate(lights_deg):
+        radiance, scene = shot(light_deg, size_px)
+        if not known:
+            dark = tuple(light.model_copy(update={"irradiance": None}) for light in scene.lights)
+            scene = replace(scene, lights=dark, scale="relative")
+        image = photograph(radiance * (1.0 if known else 1.0 - 0.4 * i), seed=10 * seed + i)
+        found.append(View.of(scene, gather_for(image, scene), NOISE))
+    return found
+
+
+def joint(photographs: list[View], variant: dict[str, str]) -> Fit:
+    """GGX over Lambert, fitted to all of them."""
+    return infer_views(photographs, Model.named("ggx", "lambert", variant), seed=1, effective=500)
+
+
+def estimate(fit: Fit, name: str) -> Estimate:
+    """A parameter by name."""
+    return next(one for one in fit.parameters if one.name == name)
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["irradiance known", "irradiance unknown"])
+def test_two_lights_tell_f0(known: bool) -> None:
+    """Index 1.5 under lights 20 and 120 degrees off the axis: F0 within 1 %, covered, the fit without a flag."""
+    found = joint(views(20.0, 120.0, seed=1, known=known), EXACT)
+    f0 = estimate(found, "specular_f0")
+    assert np.all(np.abs(np.asarray(f0.estimate) / F0 - 1.0) < 0.01)
+    assert np.all(np.abs(np.asarray(f0.estimate) - F0) < 3.0 * np.asarray(f0.sd))
+    assert found.status == "converged"
+    assert not found.flags
+    assert estimate(found, "alpha").estimate == pytest.approx(ALPHA, rel=5e-3)
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["irradiance known", "irradiance unknown"])
+def test_schlick_at_such_angles_is_flagged(known: bool) -> None:
+    """With Schlick's form they are flagged; without irradiance F0 is 0.025, and no residual tells."""
+    found = joint(views(20.0, 120.0, seed=1, known=known), SCHLICK)
+    assert Flag.SCHLICK_MISLEADS in found.flags
+    if not known:
+        assert np.mean(estimate(found, "specular_f0").estimate) == pytest.approx(0.025, abs=1e-3)
+        assert Flag.POOR_FIT not in found.flags
+
+
+def test_one_photograph_cannot_tell_and_two_alike_cannot() -> None:
+    """Negative control: one light, or two just as far off the axis, leave F0 as unknown as it was."""
+    for lights in ((20.0,), (30.0, -30.0)):
+        found = joint(views(*lights, seed=2, known=False, size_px=120), EXACT)
+        assert estimate(found, "specular_f0").estimate is None
+
+
+def test_each_photograph_keeps_its_own_numbers() -> None:
+    """Pedestal, scale, light and sphere are each one's own, and each is predicted by its own part."""
+    pair = views(20.0, 70.0, seed=3, known=False)
+    lifted = replace(pair[1].cells, channels=tuple(replace(d, value=d.value + 2e-3) for d in pair[1].cells.channels))
+    pair[1] = View.of(pair[1].scene, lifted, NOISE)
+    found = joint(pair, EXACT)
+    assert np.all(np.abs(np.asarray(estimate(found, "pedestal_2").estimate) - 2e-3) < 3e-4)
+    assert np.all(np.abs(np.asarray(estimate(found, "pedestal").estimate)) < 3e-4)
+    assert {name.partition(".")[0] for name in found.nuisances} == {"light0", "sphere", "photograph2"}
+    for v, view in enumerate(pair):
+        data = view.cells.channels[0]
+        x, y = view.cells.x_px[data.rows] - 0.5, view.cells.y_px[data.rows] - 0.5  # of the reds in their quads
+        there = predict(of_photograph(found, v), x, y).model[:, 0]
+        assert data.value @ there / (there @ there) == pytest.approx(1.0, abs=1e-3)
