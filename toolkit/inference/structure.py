@@ -3,10 +3,10 @@
 The noise of ten thousand cells hides a misfit that runs smoothly over the whole ball: it adds almost nothing to any
 one of them. So the residuals are asked only for what a broken assumption would leave, in two ways. Each channel for
 itself: smooth patterns over the disc (stray light, a second lamp), and rings about the highlight (another lobe). And
-as a share of the picture, the same in all channels of a photograph, as everything that is wrong with the geometry leaves it: these
-patterns, and the rings' two lowest waves around the highlight (an egg, a light or outline that is off). Rao's score
-test (1948): the patterns' scores, judged by the covariance that is left once the fit has taken from them all that it
-can explain.
+as a share of the picture, the same in all channels of a photograph, as everything that is wrong with the geometry
+leaves it: these patterns, and the rings' two lowest waves around the highlight (an egg, a light or outline that is
+off). Rao's score test (1948): the patterns' scores, judged by the covariance that is left once the fit has taken from
+them all that it can explain.
 """
 
 from __future__ import annotations
