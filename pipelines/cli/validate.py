@@ -57,7 +57,7 @@ class ValidateFlags:
 def validate(
     preset: Annotated[
         Literal["quick", "standard", "full"],
-        Parameter(help="How much: 112, 1400 or 7000 clean renders, and broken ones. [default: quick]"),
+        Parameter(help="How much: 112, 1050 or 5250 clean renders, and broken ones. [default: quick]"),
     ] = "quick",
     /,
     *,
@@ -158,14 +158,15 @@ def _tell(
     found = score(lines)
     result = outcome(found, seconds=seconds, trials=name)
     changed = worse(result, before) if before is not None else []
-    title = f"Validation: {name}"
-    (out / "validation.html").write_text(page_text(found, lines, title=title, told=told(trials)), encoding="utf-8")
+    promise = "" if what.scene is None else scene_sentence(found)
+    page = page_text(found, lines, title=f"Validation: {name}", told=told(trials), promise=promise)
+    (out / "validation.html").write_text(page, encoding="utf-8")
     (out / "validation.csv").write_text(table(lines), encoding="utf-8")
     (out / "validation.json").write_text(result_text(result, indent=1), encoding="utf-8")
     if what.json:
         terminal.object(result)
     else:
-        said = [scene_sentence(found)] if what.scene is not None else []
+        said = [promise] if promise else []
         terminal.result("\n".join([*said, verdict(found), f"page: {out / 'validation.html'}"]) + "\n")
     for change in changed:
         terminal.error(f"worse than {what.against}: {change}")

@@ -19,7 +19,7 @@ from toolkit.inference.cells import DIRECTION_SD_DEG
 from toolkit.reflectance import LOBES
 
 Preset = Literal["quick", "standard", "full"]
-RENDERS: dict[Preset, int] = {"quick": 112, "standard": 1400, "full": 7000}
+RENDERS: dict[Preset, int] = {"quick": 112, "standard": 1050, "full": 5250}
 STRESS_REPEATS: dict[Preset, int] = {"quick": 2, "standard": 12, "full": 48}
 MODELS = (  # the main job's five over Lambert, and its other two bodies
     ("torrance-sparrow", "lambert"),

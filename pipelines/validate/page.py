@@ -20,8 +20,8 @@ from .verdict import complaints, least_p, verdict
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, told: str) -> str:
-    """The page as HTML; `told` says in words what was rendered."""
+def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, told: str, promise: str = "") -> str:
+    """The page as HTML; `told` says in words what was rendered, `promise` what a user may expect of their set-up."""
     from markupsafe import Markup
 
     designed = any(line["scene"] for line in lines)
@@ -32,6 +32,7 @@ def page_text(found: Score, lines: Sequence[Mapping[str, Any]], *, title: str, t
         style=STYLE.read_text(encoding="utf-8"),
         title=title,
         told=told,
+        promise=promise,
         version=__version__,
         found=found,
         verdict=verdict(found),

@@ -130,6 +130,13 @@ def test_the_band_holds_even_ranks_all_along() -> None:
     assert not inside(norm.cdf(rng.standard_normal(150) / 0.7))
 
 
+def test_a_handful_that_all_hold_is_no_complaint() -> None:
+    """Eight renders whose every interval holds the truth say nothing against intervals of 90 %; eighty do."""
+    calm = [{**line, "numbers": [{**n, "rank": 0.4} for n in line["numbers"]]} for line in lines(80)]
+    assert not any("held the truth" in said for said in complaints(score(calm[:8])))
+    assert any("held the truth" in said for said in complaints(score(calm)))
+
+
 def test_one_bad_model_or_parameter_among_many_is_named() -> None:
     """Seven models of which one states its sds at half: the pooled coverage passes, the model's own does not."""
     record = [
