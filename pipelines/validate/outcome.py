@@ -135,7 +135,8 @@ def read_record(path: Path) -> Mapping[str, Any]:
         record = json.loads(path.read_bytes())
         if record["schema"] != SCHEMA:
             raise ValueError("another schema")
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        worse(record, record)  # everything that a comparison will want is there
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
             f"{path} holds no validation record; expected the validation.json of an earlier run"
         ) from error

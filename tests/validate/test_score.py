@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from pipelines.validate.outcome import outcome, table, worse
+from pipelines.report.result import result_text
+from pipelines.validate.outcome import outcome, read_record, table, worse
 from pipelines.validate.page import page_text
 from pipelines.validate.ranks import BAND, band, covered, uniform_p
 from pipelines.validate.score import score
 from pipelines.validate.verdict import complaints, verdict
+from toolkit.errors import BadInputError
 
 
 def lines(
@@ -175,6 +179,18 @@ def test_only_a_real_change_for_the_worse_counts() -> None:
         assert any(said in text for text in changed)
     dim = [{**line, "psnr_db": 40.0} for line in lines()]
     assert any("PSNR" in text for text in worse(outcome(score(dim), seconds=1.0, trials="quick"), before))
+
+
+def test_a_record_is_read_back_and_a_maimed_one_refused(tmp_path: Path) -> None:
+    """Whatever is missing or of another kind, the error is the reader's, before anything is rendered."""
+    whole = json.loads(result_text(outcome(score(lines(40)), seconds=1.0, trials="quick"), indent=1))
+    path = tmp_path / "validation.json"
+    path.write_text(json.dumps(whole))
+    assert read_record(path) == whole
+    for maimed in ({**whole, "models": 3}, {**whole, "psnr_db": "x"}, {"schema": whole["schema"]}, [], None):
+        path.write_text(json.dumps(maimed))
+        with pytest.raises(BadInputError, match="holds no validation record"):
+            read_record(path)
 
 
 def test_page_and_table_hold_hostile_words_harmless() -> None:
