@@ -17,6 +17,7 @@ from .fit import fit
 from .help import Columns
 from .light import light
 from .models import models
+from .plan import plan
 from .render import render
 from .terminal import Terminal, open_closed_streams
 from .validate import validate
@@ -47,6 +48,7 @@ app.command(compare, name="compare")
 app.command(light, name="light", usage="Usage: fit-material light IMAGE [IMAGE ...] [OPTIONS]")
 app.command(render, name="render")
 app.command(models, name="models")
+app.command(plan, name="plan")
 app.command(validate, name="validate")
 
 

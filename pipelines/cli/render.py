@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from toolkit.errors import BadInputError, UsageError
+from toolkit.errors import UsageError
 
 from .flags import Texts
 from .terminal import Terminal
@@ -61,27 +61,18 @@ def _refuse_existing(out: Path, *, overwrite: bool) -> None:
 
 
 def _photograph(settings: Settings, out: Path) -> dict[str, Any]:
-    from pipelines.settings import camera_of, lights_of, model_and_variant, noise_of_settings, sphere_of
-    from synthetic.materials import material
+    from pipelines.made_of import made_of
+    from pipelines.settings import noise_of_settings
     from synthetic.photograph import render_photograph
-    from toolkit.records import Scene
 
-    image, made_of, sphere = settings.image, settings.material, sphere_of(settings)
-    if sphere is None or made_of is None or image.width_px is None or image.height_px is None or not settings.light:
-        raise BadInputError(f"the scene lacks {_lacking(settings)}; expected what a render needs")
-    model, variant = model_and_variant(made_of.model)
-    known = any(light.irradiance is not None for light in settings.light)
+    image = settings.image
+    scene, material, (width_px, height_px) = made_of(settings)
     return render_photograph(
-        Scene(
-            camera=camera_of(settings, width_px=image.width_px, height_px=image.height_px),
-            sphere=sphere,
-            lights=lights_of(settings),
-            scale="absolute" if known else "relative",
-        ),
-        material(model, made_of.parameters, diffuse=made_of.diffuse, variant=variant),
+        scene,
+        material,
         noise_of_settings(settings),
-        width_px=image.width_px,
-        height_px=image.height_px,
+        width_px=width_px,
+        height_px=height_px,
         format=image.format or _format_of(out),
         exposure=image.exposure,
         seed=settings.fit.seed,
@@ -96,17 +87,6 @@ def _array(colour: tuple[float, float, float]) -> Floats:
     import numpy as np
 
     return np.array(colour)
-
-
-def _lacking(settings: Settings) -> str:
-    there = {
-        "[sphere]": settings.sphere,
-        "[[light]]": settings.light,
-        "[material]": settings.material,
-        "image.width_px": settings.image.width_px,
-        "image.height_px": settings.image.height_px,
-    }
-    return ", ".join(name for name, value in there.items() if not value)
 
 
 def _format_of(out: Path) -> Format:

@@ -126,7 +126,7 @@ def shifts_of_all(scenes: Sequence[Scene], fixed: Collection[str] = ()) -> Shift
     return Shifts(
         names=tuple(prefix(v) + name for v, mine in enumerate(each) for name in mine.names),
         photograph=np.repeat(np.arange(len(each)), [len(mine.names) for mine in each]),
-        covariance=block_diag(*(mine.covariance for mine in each if mine.names)),
+        covariance=block_diag(np.zeros((0, 0)), *(mine.covariance for mine in each)),
     )
 
 
