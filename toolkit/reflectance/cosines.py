@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.records import Floats
+
+from .blockwise import Piece, blockwise
 
 Number = float | Floats  # a shape number: one, or an array that broadcasts against the cosines
 
@@ -30,29 +33,50 @@ class Cosines:
     @classmethod
     def of(cls, normal: Floats, light: Floats, view: Floats, *, source_radius_rad: float = 0.0) -> Cosines:
         """From unit vectors (..., 3) that broadcast against each other."""
-        n_l, n_v, l_v = _dot(normal, light), _dot(normal, view), _dot(light, view)
-        n, both = _parts(normal), [a + b for a, b in zip(_parts(light), _parts(view), strict=True)]  # 2 cos(theta_d) h
-        length2 = np.maximum(_sum_of_squares(*both), 1e-24)
-        length = np.sqrt(length2)
-        across = _sum_of_squares(
-            n[1] * both[2] - n[2] * both[1], n[2] * both[0] - n[0] * both[2], n[0] * both[1] - n[1] * both[0]
-        )
-        shape = np.broadcast_shapes(normal.shape, light.shape, view.shape)[:-1]
+        whole = np.broadcast_shapes(normal.shape, light.shape, view.shape)[:-1]
+        vectors = [_parts(vector) for vector in (normal, light, view)]
+        found = blockwise(lambda piece: _cosines(*([piece(part) for part in parts] for parts in vectors)), whole)
+        n_l, n_v, l_v, n_h, l_h, sin2_h, r_v = (np.broadcast_to(part, whole) for part in found)
         return cls(
-            n_dot_l=np.maximum(np.broadcast_to(n_l, shape), 0.0),
-            n_dot_v=np.maximum(np.broadcast_to(n_v, shape), 0.0),
-            l_dot_v=np.broadcast_to(l_v, shape),
-            n_dot_h=np.broadcast_to((n_l + n_v) / length, shape),
-            l_dot_h=np.broadcast_to(0.5 * length, shape),
-            sin2_h=np.broadcast_to(across / length2, shape),
-            r_dot_v=np.broadcast_to(2 * n_l * n_v - l_v, shape),
+            n_dot_l=n_l,
+            n_dot_v=n_v,
+            l_dot_v=l_v,
+            n_dot_h=n_h,
+            l_dot_h=l_h,
+            sin2_h=sin2_h,
+            r_dot_v=r_v,
             source_radius_rad=source_radius_rad,
         )
 
+    def part(self, piece: Piece) -> Cosines:
+        """One block of the directions."""
+        return Cosines(
+            n_dot_l=piece(self.n_dot_l),
+            n_dot_v=piece(self.n_dot_v),
+            l_dot_v=piece(self.l_dot_v),
+            n_dot_h=piece(self.n_dot_h),
+            l_dot_h=piece(self.l_dot_h),
+            sin2_h=piece(self.sin2_h),
+            r_dot_v=piece(self.r_dot_v),
+            source_radius_rad=self.source_radius_rad,
+        )
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    """Scalar products along the last axis."""
-    p, q = _parts(a), _parts(b)
+
+def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats]) -> tuple[Floats, ...]:
+    """In the order of the fields, from components x, y, z."""
+    n_l, n_v, l_v = _dot(n, light), _dot(n, view), _dot(light, view)
+    both = [a + b for a, b in zip(light, view, strict=True)]  # 2 cos(theta_d) h
+    length2 = np.maximum(_sum_of_squares(*both), 1e-24)
+    length = np.sqrt(length2)
+    across = _sum_of_squares(
+        n[1] * both[2] - n[2] * both[1], n[2] * both[0] - n[0] * both[2], n[0] * both[1] - n[1] * both[0]
+    )
+    lit, seen = np.maximum(n_l, 0.0), np.maximum(n_v, 0.0)
+    return lit, seen, l_v, (n_l + n_v) / length, 0.5 * length, across / length2, 2 * n_l * n_v - l_v
+
+
+def _dot(p: Sequence[Floats], q: Sequence[Floats]) -> Floats:
+    """Scalar product from components."""
     return np.asarray(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
 
 

@@ -14,6 +14,11 @@ from .cosines import Cosines, Number
 _TINY = 1e-30  # keeps tan^2 finite where the half vector lies in the surface
 
 
+def decay(exponent: Floats) -> Floats:
+    """exp(-exponent), no smaller than 1e-260: processors are slow with numbers at the end of their range."""
+    return np.asarray(np.exp(-np.minimum(exponent, 600.0)))
+
+
 def theta2_h(cosines: Cosines) -> Floats:
     """The squared angle between normal and half vector, rad^2, accurate near 0."""
     return np.asarray(np.square(np.arcsin(np.sqrt(np.minimum(cosines.sin2_h, 1.0)))))
@@ -24,14 +29,14 @@ def gaussian(cosines: Cosines, sigma: Number) -> Floats:
 
     Torrance & Sparrow 1967; c makes the integral over the hemisphere 1.
     """
-    return np.asarray(np.exp(theta2_h(cosines) * (-0.5 / np.square(sigma))) / _gaussian_integral(sigma)[0])
+    return np.asarray(decay(theta2_h(cosines) * (0.5 / np.square(sigma))) / _gaussian_integral(sigma)[0])
 
 
 def gaussian_derivative(cosines: Cosines, sigma: Number) -> tuple[Floats, Floats]:
     """The Gaussian density, and its derivative in `sigma`."""
     theta2 = theta2_h(cosines)
     integral, slope = _gaussian_integral(sigma)
-    density = np.asarray(np.exp(theta2 * (-0.5 / np.square(sigma))) / integral)
+    density = np.asarray(decay(theta2 * (0.5 / np.square(sigma))) / integral)
     return density, density * (theta2 / np.power(sigma, 3) - slope / integral)
 
 
@@ -59,7 +64,7 @@ def beckmann(cosines: Cosines, alpha: Number) -> Floats:
     """
     cos2, tan2 = _cos2_tan2(cosines)
     a2 = np.square(alpha)
-    return np.asarray(np.exp(tan2 * (-1.0 / a2)) / (np.pi * a2 * np.square(cos2)))
+    return np.asarray(decay(tan2 * (1.0 / a2)) / (np.pi * a2 * np.square(cos2)))
 
 
 def beckmann_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any, Literal
 
+import numpy as np
+
 from toolkit.records import Floats
 
+from .blockwise import Piece, blockwise
 from .cosines import Cosines
 from .fresnel import FRESNEL
 
@@ -71,13 +74,23 @@ class Lobe:
 
     def value(self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None) -> Floats:
         """The lobe at `cosines` for one tuple of shape numbers."""
-        return self.evaluate(cosines, *shape, **self._own(variant))
+        chosen = self._own(variant)
+
+        def of(piece: Piece) -> tuple[Floats, ...]:
+            return (self.evaluate(cosines.part(piece), *map(piece, shape), **chosen),)
+
+        return blockwise(of, _whole(cosines, shape))[0]
 
     def derivative(
         self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
     ) -> tuple[Floats, ...]:
         """The derivative of `value` in each shape number."""
-        return self.gradient(cosines, *shape, **self._own(variant))
+        chosen = self._own(variant)
+
+        def of(piece: Piece) -> tuple[Floats, ...]:
+            return self.gradient(cosines.part(piece), *map(piece, shape), **chosen)
+
+        return blockwise(of, _whole(cosines, shape))
 
     def claims_of(self, variant: Mapping[str, str] | None = None) -> frozenset[Claim]:
         """What the lobe says is true of it with these options."""
@@ -102,6 +115,10 @@ class Lobe:
     def _own(self, variant: Mapping[str, str] | None) -> dict[str, str]:
         """The options that `evaluate` takes."""
         return {option: choice for option, choice in self.complete(variant).items() if option in self.variants}
+
+
+def _whole(cosines: Cosines, shape: Sequence[Any]) -> tuple[int, ...]:
+    return np.broadcast_shapes(cosines.n_dot_l.shape, *map(np.shape, shape))
 
 
 LOBES: dict[str, Lobe] = {}

@@ -18,13 +18,14 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cosines import Cosines, Number
+from .distributions import decay
 from .lobe import Claim, Lobe, Parameter, register
 
 
 def evaluate(cosines: Cosines, alpha: Number, *, normalisation: str = "ward") -> Floats:
     """exp(-tan^2(theta_h) / alpha^2) / (4 pi alpha^2), over the normaliser, times n.l, in sr^-1."""
     a2 = np.square(alpha)
-    return np.asarray(np.exp(_tan2(cosines) * (-1.0 / a2)) / (4.0 * np.pi * a2) * _spread(cosines, normalisation))
+    return np.asarray(decay(_tan2(cosines) * (1.0 / a2)) / (4.0 * np.pi * a2) * _spread(cosines, normalisation))
 
 
 def gradient(cosines: Cosines, alpha: Number, *, normalisation: str = "ward") -> tuple[Floats, ...]:
