@@ -19,7 +19,7 @@ from toolkit.records import Floats, Noise, Scene, scale_of
 from toolkit.reflectance.fresnel import TANGENT_F0
 
 from .cells import Cells, ChannelCells
-from .model import Columns, Fresnel, Lit, Model, columns, columns_of_many, fresnel_of, lit_by, names_of
+from .model import Columns, Evaluate, Fresnel, Lit, Model, columns, columns_of_many, fresnel_of, lit_by, names_of
 from .normal import (
     Layout,
     Normal,
@@ -92,10 +92,10 @@ class Problem:
         """Absolute where one photograph's irradiance is known."""
         return scale_of([view.scene for view in self.views])
 
-    def columns(self, u: Floats, *, derivatives: bool = False) -> Evaluated:
+    def columns(self, u: Floats, *, derivatives: bool = False, evaluate: Evaluate | None = None) -> Evaluated:
         """The model's columns at one shape."""
         found = [
-            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives)
+            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives, evaluate=evaluate)
             for view in self.views
         ]
         return tuple(one for three in found for one in three)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -23,6 +24,10 @@ from .cells import Cells, ChannelCells
 
 IDENTIFYING_SPREAD = 0.02  # spread of Schlick's s over the highlights from which F0 and strength come apart
 TYPICAL_F0 = 0.04  # of a dielectric of index 1.5; shapes F(theta_d) where F0 itself is not identified
+
+
+_Shape = tuple[Floats | float, ...]
+Evaluate = Callable[[Lobe, Cosines, _Shape], Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -213,18 +218,38 @@ class Columns:
 
 
 def columns(
-    model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats, *, derivatives: bool = False
+    model: Model,
+    fresnel: Fresnel,
+    lights: tuple[Lit, ...],
+    cells: Cells,
+    u: Floats,
+    *,
+    derivatives: bool = False,
+    evaluate: Evaluate | None = None,
 ) -> tuple[Columns, Columns, Columns]:
-    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N)."""
+    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N).
+
+    `evaluate`, where given, remembers lobes: see `remembering`.
+    """
     shape = model.natural(u)
     sharp, soft = model.split(shape)
-    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
+    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft, evaluate))] for lit in lights]
     if derivatives:
         scales = [number if p.log else 1.0 for number, p in zip(shape, model.parameters, strict=True)]
         for lit, mine in zip(lights, blocks, strict=True):
             gradient = _gradients(lit, model, sharp, soft)
             mine += [_terms(lit, fresnel, *part, scale) for part, scale in zip(gradient, scales, strict=True)]
     return _channels(blocks, [lit.colour for lit in lights], cells, ())
+
+
+def remembering(model: Model, most: int) -> Evaluate:
+    """A lobe at cosines for one shape, with the last `most` answers kept: on a grid of shapes each comes up often."""
+
+    @lru_cache(maxsize=most)
+    def evaluate(lobe: Lobe, cosines: Cosines, shape: _Shape) -> Floats:
+        return lobe.value(cosines, shape, model.variant if lobe is model.specular else None)
+
+    return evaluate
 
 
 def columns_of_many(
@@ -238,12 +263,15 @@ def columns_of_many(
     return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
 
 
-_Shape = tuple[Floats | float, ...]
 _Term = tuple[Floats | None, float]  # a table over the nodes (..., 4, N), or None for zeros, and a factor
 
 
-def _values(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> tuple[Floats, Floats]:
+def _values(
+    lit: Lit, model: Model, sharp: _Shape, soft: _Shape, evaluate: Evaluate | None = None
+) -> tuple[Floats, Floats]:
     """The two lobes under one light: diffuse, specular."""
+    if evaluate:
+        return evaluate(model.diffuse, lit.cosines, soft), evaluate(model.specular, lit.cosines, sharp)
     return model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
 
 

@@ -16,6 +16,7 @@ from numpy.polynomial.chebyshev import chebvander
 from toolkit.records import Floats
 
 from .fit import Optimum
+from .model import Evaluate, Model, remembering
 from .normal import inverse, solve
 
 REACH_SD = 8.0
@@ -99,9 +100,10 @@ def _box(optimum: Optimum) -> tuple[Floats, Floats]:
 
 def _interpolate(optimum: Optimum, low: Floats, high: Floats, nodes: int) -> Surrogate:
     places = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
-    grid = np.array(list(product(places, repeat=len(low)))).reshape(-1, len(low))
-    u = low + (high - low) * (grid + 1) / 2
-    table = np.array([_exact_row(optimum, point) for point in u])
+    u = low + (high - low) * (_grid(places, optimum.problem.model) + 1) / 2
+    lights = sum(len(view.lights) for view in optimum.problem.views)
+    lobes = remembering(optimum.problem.model, most=lights * (nodes + 1))
+    table = np.array([_exact_row(optimum, point, lobes) for point in u])
     return Surrogate(
         low=low,
         high=high,
@@ -112,17 +114,27 @@ def _interpolate(optimum: Optimum, low: Floats, high: Floats, nodes: int) -> Sur
     )
 
 
-def _exact(optimum: Optimum, u: Floats) -> tuple[float, Floats, Floats]:
+def _grid(places: Floats, model: Model) -> Floats:
+    """Every combination of places along the shape numbers (S, D); the numbers of the lobe that has more turn slowest.
+
+    So a lobe with one number, or none, comes back to values that it had, and the other stays at its values meanwhile.
+    """
+    count, sharp = len(model.parameters), len(model.specular.parameters)
+    grid = np.array(list(product(places, repeat=count))).reshape(-1, count)
+    return grid if 2 * sharp >= count else np.roll(grid, sharp, axis=1)
+
+
+def _exact(optimum: Optimum, u: Floats, evaluate: Evaluate | None = None) -> tuple[float, Floats, Floats]:
     """Log density of a shape with the linear unknowns integrated out, their mean and precision matrix."""
     problem = optimum.problem
-    normal = problem.assemble(problem.columns(u), optimum.weights)
+    normal = problem.assemble(problem.columns(u, evaluate=evaluate), optimum.weights)
     mean = solve(normal.matrix, normal.rhs)
     _, log_determinant = np.linalg.slogdet(normal.matrix)
     chi2 = normal.squares - float(mean @ normal.rhs)
     return -0.5 * (chi2 - optimum.chi2) - 0.5 * float(log_determinant), mean, normal.matrix
 
 
-def _exact_row(optimum: Optimum, u: Floats) -> Floats:
-    density, mean, precision = _exact(optimum, u)
+def _exact_row(optimum: Optimum, u: Floats, evaluate: Evaluate) -> Floats:
+    density, mean, precision = _exact(optimum, u, evaluate)
     factor = np.linalg.cholesky(inverse(precision))
     return np.concatenate([[density], mean, factor[np.tril_indices(len(mean))]])

@@ -31,16 +31,16 @@ def blockwise(of: Callable[[Piece], tuple[Floats, ...]], whole: tuple[int, ...])
         parts = of(piece)
         made = made or [_room(part, axis, whole[axis]) for part in parts]
         for room, part in zip(made, parts, strict=True):
-            piece(room)[...] = part
+            np.asarray(piece(room))[...] = part
     return tuple(made)
 
 
-def _cut(array: Any, axis: int, part: slice) -> Any:
+def _cut(array: float | Floats, axis: int, part: slice) -> float | Floats:
     """A part of an array along an axis counted from the last; all of it where it does not vary along that."""
     values = np.asarray(array)
     if values.ndim < -axis or values.shape[axis] == 1:
         return array
-    return values[(..., part, *(slice(None),) * (-axis - 1))]
+    return np.asarray(values.swapaxes(axis, 0)[part].swapaxes(axis, 0))
 
 
 def _room(part: Floats, axis: int, length: int) -> Floats:

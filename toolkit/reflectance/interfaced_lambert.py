@@ -18,8 +18,8 @@ azimuth between light and view.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache, partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,6 @@ _STEEPEST = 3.3  # in units of sqrt(2) sigma; 2e-5 of the facets are steeper
 _AZIMUTHS = 24  # of the facets, over half a turn
 _ORDERS = 8  # of the expansion in the azimuth between light and view
 _ROWS = 192  # of the tables along each cosine, spaced evenly in its square root
-_BLOCK = 8192  # directions at a time, so that their rows stay in the processor's cache
 _SMOOTH = 1e-4  # rad; smoother facets mask nothing but at grazing within as much
 _SQRT2 = float(np.sqrt(2.0))
 
@@ -54,42 +53,42 @@ def gradient(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Num
 
 
 def _each(of: Callable[[Flat, float, float], Floats], cosines: Cosines, *shape: Number) -> Floats:
-    return per_shape(partial(_blocks, of), (cosines.n_dot_l, cosines.n_dot_v, cosines.l_dot_v), shape)
-
-
-def _blocks(of: Callable[[Flat, float, float], Floats], flat: Flat, index: float, sigma: float) -> Floats:
-    starts = range(0, max(flat[0].size, 1), _BLOCK)
-    parts = [of(tuple(part[i : i + _BLOCK] for part in flat), index, sigma) for i in starts]
-    return np.concatenate(parts, axis=-1)
+    return per_shape(of, (cosines.n_dot_l, cosines.n_dot_v, cosines.l_dot_v), shape)
 
 
 def _value(flat: Flat, index: float, sigma: float) -> Floats:
     seen = _sight(flat[0], sigma)[0] * _sight(flat[1], sigma)[0]
-    return np.asarray(np.maximum(_over_view(flat, seen) * _facets_at(_table(index, sigma), flat), 0.0)[None])
+    (facets,) = _facets_at([_table(index, sigma)], flat)
+    return np.asarray(np.maximum(_over_view(flat, seen) * facets, 0.0)[None])
 
 
 def _slopes(flat: Flat, index: float, sigma: float) -> Floats:
-    plain = _facets_at(_table(index, sigma), flat)
-    by_index, by_sigma = (_facets_at(table, flat) * (plain > 0.0) for table in _derivative_tables(index, sigma))
+    plain, by_index, by_sigma = _facets_at([_table(index, sigma), *_derivative_tables(index, sigma)], flat)
     (g_light, d_light), (g_view, d_view) = _sight(flat[0], sigma), _sight(flat[1], sigma)
     seen, d_seen = g_light * g_view, d_light * g_view + g_light * d_view
-    total = by_sigma * seen + np.maximum(plain, 0.0) * d_seen
-    return np.stack([_over_view(flat, seen * by_index), _over_view(flat, total)])
+    total = by_sigma * seen + plain * d_seen
+    return np.stack([_over_view(flat, part * (plain > 0.0)) for part in (seen * by_index, total)])
 
 
-def _facets_at(table: Floats, flat: Flat) -> Floats:
-    """The facets' sum at N directions, bilinear between the nodes of a table (rows, rows, orders)."""
+def _facets_at(tables: Sequence[Floats], flat: Flat) -> list[Floats]:
+    """The facets' sums at N directions, bilinear between the nodes of tables (rows, rows, orders)."""
     (row, down), (column, along) = _place(flat[0]), _place(flat[1])
-    upper = table[row, column] * (1.0 - along) + table[row, column + 1] * along
-    lower = table[row + 1, column] * (1.0 - along) + table[row + 1, column + 1] * along
-    return np.asarray(np.einsum("nk,nk->n", upper * (1.0 - down) + lower * down, _azimuths(flat)))
+    waves, at = _azimuths(flat), row * _ROWS + column
+    corners = (0, (1.0 - down) * (1.0 - along)), (1, (1.0 - down) * along), (_ROWS, down * (1.0 - along))
+    return [
+        sum(
+            share * np.einsum("nk,nk->n", table.reshape(-1, _ORDERS).take(at + step, axis=0), waves)
+            for step, share in (*corners, (_ROWS + 1, down * along))
+        )
+        for table in tables
+    ]
 
 
 def _place(cosine: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """The row at or below each cosine, and how far on to the next, (N, 1)."""
+    """The row at or below each cosine, and how far on to the next, (N,)."""
     inside = np.clip(cosine, 0.0, 1.0)
     row = np.minimum((np.sqrt(inside) * (_ROWS - 1)).astype(np.intp), _ROWS - 2)
-    return row, ((inside * (_ROWS - 1) ** 2 - np.square(row)) / (2 * row + 1))[:, None]
+    return row, (inside * (_ROWS - 1) ** 2 - np.square(row)) / (2 * row + 1)
 
 
 def _sight(cosine: Floats, sigma: float) -> tuple[Floats, Floats]:
@@ -109,15 +108,18 @@ def _azimuths(flat: Flat) -> Floats:
     light, view, l_dot_v = flat
     sines = np.sqrt(np.maximum(1.0 - np.square(light), 0.0) * np.maximum(1.0 - np.square(view), 0.0))
     cosine = np.clip((l_dot_v - light * view) / np.maximum(sines, 1e-30), -1.0, 1.0)
-    terms = [np.ones_like(cosine), cosine]
-    for _ in range(2, _ORDERS):
-        terms.append(2.0 * cosine * terms[-1] - terms[-2])
-    return np.stack([terms[0], *(2.0 * term for term in terms[1:])], axis=1)
+    terms = np.empty((_ORDERS, len(cosine)))
+    terms[0], terms[1] = 1.0, cosine
+    for order in range(2, _ORDERS):
+        terms[order] = 2.0 * cosine * terms[order - 1] - terms[order - 2]
+    terms[1:] *= 2.0
+    return np.ascontiguousarray(terms.T)
 
 
 Facets = tuple[Floats, Floats, Floats, Floats]  # cosines to them, their weights, d cosine / d sigma, d log weight
 
 
+@lru_cache(maxsize=1)
 def _facets(sigma: float) -> Facets:
     """How the facets face a direction at each of the tables' cosines: (rows, slopes, azimuths), and their weights."""
     cosine = np.square(np.linspace(0.0, 1.0, _ROWS))[:, None, None]
@@ -148,9 +150,12 @@ def _expand(values: Floats) -> Floats:
     return np.ascontiguousarray(np.moveaxis(values @ waves, -1, 0))
 
 
-def _products(one: Floats, other: Floats) -> Floats:
-    """Sums over the slopes for every pairing of rows: (rows, rows, orders)."""
-    return np.ascontiguousarray(np.moveaxis(one @ other.swapaxes(1, 2), 0, -1))
+def _products(one: Floats, other: Floats, *, both_ways: bool = False) -> Floats:
+    """Sums over the slopes for every pairing of rows, and again with the rows exchanged: (rows, rows, orders)."""
+    sums = one @ other.swapaxes(1, 2)
+    if both_ways:
+        sums = sums + sums.swapaxes(1, 2)
+    return np.ascontiguousarray(np.moveaxis(sums, 0, -1))
 
 
 @lru_cache(maxsize=8)
@@ -169,9 +174,8 @@ def _derivative_tables(index: float, sigma: float) -> tuple[Floats, Floats]:
     share = scale * facing * (1.0 - reflected)
     slope = (1.0 - reflected - facing * dielectric_slope(facing, index)) * turn
     orders = _expand(share)
-    by_index = _products(_expand(-scale * facing * d_index), orders)
-    by_sigma = _products(_expand(scale * slope + share * stretch), orders)
-    return by_index + by_index.swapaxes(0, 1), by_sigma + by_sigma.swapaxes(0, 1)
+    by_index, by_sigma = _expand(-scale * facing * d_index), _expand(scale * slope + share * stretch)
+    return _products(by_index, orders, both_ways=True), _products(by_sigma, orders, both_ways=True)
 
 
 register(
