@@ -12,6 +12,7 @@ them all that it can explain.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,65 +36,67 @@ def structure_p(optimum: Optimum) -> float:
 
 
 def structure_chances(optimum: Optimum) -> tuple[float, float]:
-    """The chance of as much structure in each channel for itself, and of as much in all of them alike."""
+    """The chance of as much structure in each channel for itself, and of as much in all channels of a photograph."""
     problem = optimum.problem
     columns = problem.columns(optimum.u, derivatives=True)
     predicted = problem.predict(columns, optimum.x)
     plain, whole = [], []
     for view in problem.views:
         smooth, waves = _patterns(view)
+        both = np.hstack([smooth, waves])
         plain += [smooth[data.rows] for data in view.cells.channels]
-        whole += [np.hstack([smooth, waves])[data.rows] for data in view.cells.channels]
-    alike = _by_group([w * p[:, None] for w, p in zip(whole, predicted, strict=True)], channels=3)
-    apart = _by_group(plain, channels=1)
-    return _chance(optimum, columns, predicted, apart), _chance(optimum, columns, predicted, alike)
+        whole += [both[data.rows] for data in view.cells.channels]
+    left = [
+        _Left(residual=data.value - p, weight=weight, design=_design(optimum, columns[c], c))
+        for c, (data, p, weight) in enumerate(zip(problem.channels, predicted, optimum.weights.weights, strict=True))
+    ]
+    alike = [w * p[:, None] for w, p in zip(whole, predicted, strict=True)]
+    return _chance(left, plain, optimum.joint, channels=1), _chance(left, alike, optimum.joint, channels=3)
 
 
-def _chance(
-    optimum: Optimum, columns: Sequence[Columns], predicted: Sequence[Floats], patterns: Sequence[Floats]
-) -> float:
-    """Of a score statistic as large as that of patterns (n, K), one array a channel."""
-    from scipy.stats import chi2
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Left:
+    """What the fit leaves of one channel (n,), with the derivatives (n, P) of its prediction in all unknowns."""
 
-    count = patterns[0].shape[1]
-    score, kept, across = np.zeros(count), np.zeros((count, count)), np.zeros((len(optimum.joint), count))
-    for c, (data, weight) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
-        here = patterns[c] * weight[:, None]
-        score += here.T @ (data.value - predicted[c])
-        kept += here.T @ patterns[c]
-        across += _design(optimum, columns[c], c).T @ here
-    left = kept - across.T @ np.linalg.solve(optimum.joint, across)
+    residual: Floats
+    weight: Floats
+    design: Floats
+
+
+def _chance(left: Sequence[_Left], patterns: Sequence[Floats], joint: Floats, *, channels: int) -> float:
+    """Of a score statistic as large as that of patterns (n, K) of each channel; each group of `channels` its own."""
+    from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
+
+    ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns[::channels])])
+    score, kept, across = np.zeros(ends[-1]), np.zeros((ends[-1], ends[-1])), np.zeros((len(joint), ends[-1]))
+    for c, (channel, pattern) in enumerate(zip(left, patterns, strict=True)):
+        mine = slice(ends[c // channels], ends[c // channels + 1])
+        here = pattern * channel.weight[:, None]
+        score[mine] += here.T @ channel.residual
+        kept[mine, mine] += here.T @ pattern
+        across[:, mine] += channel.design.T @ here
+    rest = kept - across.T @ np.linalg.solve(joint, across)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(kept), 1e-300))
-    values, vectors = np.linalg.eigh(left * scale[:, None] * scale)
+    values, vectors = np.linalg.eigh(rest * scale[:, None] * scale)
     whole = values > SMALLEST
     projected = vectors[:, whole].T @ (score * scale)
-    return float(chi2.sf(np.sum(projected**2 / values[whole]), whole.sum())) if whole.any() else 1.0
-
-
-def _by_group(patterns: Sequence[Floats], *, channels: int) -> list[Floats]:
-    """Patterns (n, K) of all channels, those of each group of `channels` in columns of their own (n, all of them)."""
-    ends = np.cumsum([0, *(patterns[c].shape[1] for c in range(0, len(patterns), channels))])
-    found = []
-    for c, mine in enumerate(patterns):
-        wide = np.zeros((len(mine), ends[-1]))
-        wide[:, ends[c // channels] : ends[c // channels + 1]] = mine
-        found.append(wide)
-    return found
+    return float(chdtrc(whole.sum(), np.sum(projected**2 / values[whole]))) if whole.any() else 1.0
 
 
 def _patterns(view: View) -> tuple[Floats, Floats]:
     """Smooth polynomials over the disc and rings about each highlight (N, K), and waves around the rings (N, L)."""
     scene, cells = view.scene, view.cells
     (cx, cy), radius = scene.sphere.centre_px, scene.sphere.radius_px
-    x, y = (cells.x_px - cx) / radius, (cells.y_px - cy) / radius
-    smooth = [x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
+    x, y = (np.vander((at - c) / radius, DEGREE + 1, increasing=True) for at, c in ((cells.x_px, cx), (cells.y_px, cy)))
+    smooth = [x[:, i] * y[:, j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
     rings: list[Floats] = []
     waves: list[Floats] = []
     for lit in lit_by(scene, cells.x_px, cells.y_px):
         theta = np.arcsin(np.sqrt(np.clip(lit.cosines.sin2_h, 0.0, 1.0)))
         mine, around = _rings(theta), _around(cells, int(np.argmin(theta)))
+        turning = [f(m * around) for m in WAVES for f in (np.cos, np.sin)]
         rings += mine
-        waves += [ring * f(m * around) for ring in mine for m in WAVES for f in (np.cos, np.sin)]
+        waves += [ring * wave for ring in mine for wave in turning]
     return np.stack([*smooth, *rings], axis=1), np.stack(waves, axis=1)
 
 
