@@ -23,10 +23,15 @@ def _of(name: str, unit: str, kind: str, meaning: str) -> Column:
 
 
 FIXED = (
-    _of("photograph", "", "text", "the photograph as it was named"),
+    _of(
+        "photograph",
+        "",
+        "text",
+        "the photograph as it was named; all of a joint fit, which is told of by the first below",
+    ),
     _of("place", "", "text", "folder of its result, below the batch's"),
     _of("material", "", "text", "what it shows, as the manifest or --material says"),
-    _of("group", "", "text", "what it was fitted jointly with"),
+    _of("group", "", "text", "the group that was fitted jointly"),
     _of("status", "", "text", "done or failed"),
     _of("error", "", "text", "why it failed"),
     _of("flags", "", "text", "what a reader must know, separated by spaces"),

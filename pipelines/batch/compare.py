@@ -76,8 +76,8 @@ def _state(held: Held, name: str) -> str:
 
 
 def _photograph(name: str, before: Mapping[str, Any], after: Mapping[str, Any], told: Comparison) -> list[Change]:
-    digests = [(one.get("image") or {}).get("sha256") for one in (before, after)]
-    told.same_photographs += digests[0] is not None and digests[0] == digests[1]
+    digests = [_digests(one) for one in (before, after)]
+    told.same_photographs += None not in digests[0] and digests[0] == digests[1]
     fits = [_fits(one) for one in (before, after)]
     best = [_best(one) for one in (before, after)]
     if best[0] != best[1]:
@@ -88,6 +88,12 @@ def _photograph(name: str, before: Mapping[str, Any], after: Mapping[str, Any], 
         told.remarks.append((name, "no model in both: no number can be compared"))
         return []
     return list(_numbers(name, lobes, fits[0][lobes], fits[1][lobes]))
+
+
+def _digests(result: Mapping[str, Any]) -> list[object]:
+    """Of the photograph, or of all that were fitted jointly."""
+    told = result.get("photographs") or [result]
+    return [(one.get("image") or {}).get("sha256") for one in told]
 
 
 def _fits(result: Mapping[str, Any]) -> dict[Lobes, Mapping[str, Any]]:

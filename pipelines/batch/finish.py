@@ -25,7 +25,7 @@ OPTIONAL = (PARQUET,)
 def finish(ending: Ending, options: Options) -> None:
     """Write tables and page, each synced and renamed into its place."""
     rows = [
-        row_of(item.photograph, item.place, outcome, options.out)
+        row_of(item.photographs, item.place, outcome, options.out)
         for item, outcome in zip(ending.items, ending.outcomes, strict=True)
     ]
     named = materials(rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,15 +16,15 @@ Status = Literal["done", "kept", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One photograph to fit. `out` is the batch's folder, `place` the result's below it; `before` what the journal
-    says of this place, None where it says nothing; it and whole results count with `resume` only.
+    """One fit to make: of a photograph, or of several jointly, each with its settings. `out` is the batch's folder,
+    `place` the result's below it; `before` what the journal says of this place, None where it says nothing; it and
+    whole results count with `resume` only.
     """
 
     number: int
-    image: Path
+    asked: tuple[tuple[Path, Settings], ...]
     out: Path
     place: str
-    settings: Settings
     page: bool
     exports: tuple[str, ...]
     version: str
@@ -32,28 +32,38 @@ class Job:
     before: Mapping[str, Any] | None
     beacon: Path | None  # where a worker says what it is at, for the case that it dies
 
+    @property
+    def name(self) -> str:
+        """The photographs, for a message."""
+        return " + ".join(str(path) for path, _ in self.asked)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How one photograph ended. `lasting`: it would fail again; `seconds`, where a result was made, are not of it."""
+    """How one fit ended. `lasting`: it would fail again; `seconds`, where a result was made, are not of it."""
 
     number: int
     status: Status
     error: str = ""
     code: int = 0  # what the command line's exit code would be for it alone
-    input: str = ""  # SHA-256 of the photograph
+    input: str = ""  # SHA-256 of the photograph, or of those of several
     result: str = ""  # SHA-256 of STEM.json
     lasting: bool = False
     seconds: float = 0.0
 
 
-def settings_digest(settings: Settings, *, page: bool, exports: tuple[str, ...]) -> str:
-    """One digest of all that a result depends on besides photograph and version."""
-    told = {"settings": settings.model_dump(mode="json"), "page": page, "exports": sorted(exports)}
+def settings_digest(settings: Sequence[Settings], *, page: bool, exports: tuple[str, ...]) -> str:
+    """One digest of all that a result depends on besides photographs and version."""
+    told = {"settings": [one.model_dump(mode="json") for one in settings], "page": page, "exports": sorted(exports)}
     return hashlib.sha256(json.dumps(told, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
 
 
-def digest_of(path: Path) -> str:
-    """SHA-256 of a file."""
+def digest_of(*paths: Path) -> str:
+    """SHA-256 of a file, or of several files' digests."""
+    digests = [_digest(path) for path in paths]
+    return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def _digest(path: Path) -> str:
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""What a worker does: one photograph, whole, in one thread; nothing of it can stop another."""
+"""What a worker does: one fit, whole, in one thread; nothing of it can stop another."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .places import inside
 
 
 def fit_one(job: Job) -> Outcome:
-    """Fit one photograph and write its result, or find that this was done before; never raises but for interrupts."""
+    """Make one fit and write its result, or find that this was done before; never raises but for interrupts."""
     begin = time.perf_counter()
     try:
         with _beacon(job):
@@ -40,9 +40,10 @@ def failure(number: int, error: BaseException, *, digest: str = "") -> Outcome:
 
 
 def _fit_one(job: Job, begin: float) -> Outcome:
-    if not job.image.is_file():
-        kind = "is a folder" if job.image.is_dir() else "does not exist"
-        raise BadInputError(f"{job.image} {kind}; expected an image file")
+    for image, _ in job.asked:
+        if not image.is_file():
+            kind = "is a folder" if image.is_dir() else "does not exist"
+            raise BadInputError(f"{image} {kind}; expected an image file")
     key = key_of(job)
     before = _before(job, key) if job.resume else None
     if before is not None:
@@ -54,9 +55,9 @@ def _fit_one(job: Job, begin: float) -> Outcome:
 
 
 def key_of(job: Job) -> dict[str, str]:
-    """Of which photograph, settings and version a result is."""
-    settings = settings_digest(job.settings, page=job.page, exports=job.exports)
-    return {"input": digest_of(job.image), "settings": settings, "version": job.version}
+    """Of which photographs, settings and version a result is."""
+    settings = settings_digest([own for _, own in job.asked], page=job.page, exports=job.exports)
+    return {"input": digest_of(*(path for path, _ in job.asked)), "settings": settings, "version": job.version}
 
 
 def _before(job: Job, key: Mapping[str, str]) -> Outcome | None:
@@ -66,7 +67,7 @@ def _before(job: Job, key: Mapping[str, str]) -> Outcome | None:
     """
     known = job.before or {}
     if known.get("input") not in (None, "", key["input"]):
-        raise BadInputError(f"{job.image} has changed since it was fitted; expected --overwrite to fit all anew")
+        raise BadInputError(f"{job.name} has changed since it was fitted; expected --overwrite to fit all anew")
     if known.get("status") == "failed" and known.get("lasting"):
         code = known.get("code")
         text = str(known.get("error"))
@@ -91,22 +92,24 @@ def _before(job: Job, key: Mapping[str, str]) -> Outcome | None:
 
 def result_of(job: Job) -> Path:
     """STEM.json of a job; raises BadInputError where that would lie outside the batch's folder."""
-    return inside(job.out, PurePosixPath(job.place)) / f"{stem(job.image.name)}.json"
+    return inside(job.out, PurePosixPath(job.place)) / f"{stem(job.asked[0][0].name)}.json"
 
 
 def _made(job: Job, key: Mapping[str, str], begin: float) -> Outcome:
     from threadpoolctl import threadpool_limits
 
-    from pipelines.fit_material import fit_material
+    from pipelines.fit_material import fit_jointly
     from pipelines.report.write import write_outputs
 
     result_of(job)
     with threadpool_limits(1), _one_opencv_thread():
-        report = fit_material(job.image, job.settings, processes=1)
+        report = fit_jointly(job.asked, processes=1)
+        settings, *others = (own for _, own in job.asked)
         result = write_outputs(
             report,
             job.out / job.place,
-            job.settings,
+            settings,
+            others=others,
             page=job.page,
             exports=job.exports,
             beside={SUFFIX: lambda path: write_card(path, report, key)},

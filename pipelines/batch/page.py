@@ -40,6 +40,7 @@ def _context(rows: Sequence[Row], named: Sequence[Material], told: Sequence[Colu
         "script": script,
         "script_hash": base64.b64encode(hashlib.sha256(f"\n{script}\n".encode()).digest()).decode("ascii"),
         "count": len(rows),
+        "what": "fit" if any(row.cells["group"] for row in rows) else "photograph",
         "failed": [row for row in rows if row.cells["status"] == "failed"],
         "materials": [material_section(one, rows, index) for index, one in enumerate(named)],
         "far": sum(bool(row.cells.get("outlier")) for row in rows),

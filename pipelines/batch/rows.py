@@ -1,8 +1,8 @@
-"""One row of the batch's tables a photograph: what its result says, as plain numbers and harmless text."""
+"""One row of the batch's tables a fit: what its result says, as plain numbers and harmless text."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -46,32 +46,32 @@ class FitNumbers:
     parameters: Mapping[str, tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...], str]]
 
 
-def row_of(photograph: Photograph, place: str, outcome: Outcome, out_dir: Path) -> Row:
-    """The row of a photograph, from the files of its result."""
-    name = stem(photograph.path.name)
+def row_of(photographs: Sequence[Photograph], place: str, outcome: Outcome, out_dir: Path) -> Row:
+    """The row of a fit, from the files of its result, which are named after its first photograph."""
+    name = stem(photographs[0].path.name)
     folder = out_dir / place
     there = bool(outcome.result)
     result = read_result(folder / f"{name}.json") if there else {}
     card = read_card(folder / f"{name}{SUFFIX}") if there else {}
     return Row(
-        cells={**_ending(photograph, place, outcome), **_numbers(result, card)},
-        fits=_fits(result) if photograph.material and outcome.status != "failed" else {},
+        cells={**_ending(photographs, place, outcome), **_numbers(result, card)},
+        fits=_fits(result) if photographs[0].material and outcome.status != "failed" else {},
         page=f"{place}/{name}.html" if there and (folder / f"{name}.html").is_file() else "",
         card=f"{place}/{name}{SUFFIX}" if card else "",
     )
 
 
-def shown_name(photograph: Photograph) -> str:
-    """The photograph as its user wrote it, harmless."""
-    return clean("/".join(photograph.under))
+def shown_name(photographs: Sequence[Photograph]) -> str:
+    """The photographs as their user wrote them, harmless."""
+    return clean(" + ".join("/".join(one.under) for one in photographs))
 
 
-def _ending(photograph: Photograph, place: str, outcome: Outcome) -> dict[str, Cell]:
+def _ending(photographs: Sequence[Photograph], place: str, outcome: Outcome) -> dict[str, Cell]:
     return {
-        "photograph": shown_name(photograph),
+        "photograph": shown_name(photographs),
         "place": place,
-        "material": clean(photograph.material),
-        "group": clean(photograph.group),
+        "material": clean(photographs[0].material),
+        "group": clean(photographs[0].group),
         "status": "failed" if outcome.status == "failed" else "done",
         "error": clean(outcome.error),
         "outlier": None,
@@ -117,7 +117,7 @@ def _numbers(result: Mapping[str, Any], card: Mapping[str, Any]) -> dict[str, Ce
             "elpd_lead_sd": lead.get("sd"),
         }
         for parameter, numbers in best["parameters"].items():
-            cells |= _parameter(parameter, numbers)
+            cells |= {} if _of_a_later_one(parameter) else _parameter(parameter, numbers)
     return cells
 
 
@@ -126,6 +126,11 @@ def lobes_of(fit: Mapping[str, Any]) -> Lobes:
     options = fit.get("variant")
     words = " ".join(f"{name}={one}" for name, one in sorted(options.items())) if isinstance(options, dict) else ""
     return clean(fit.get("model")), clean(words), clean(fit.get("diffuse"))
+
+
+def _of_a_later_one(parameter: str) -> bool:
+    """Whether it is a joint fit's second photograph's or a later one's alone: `pedestal_2`."""
+    return parameter.rpartition("_")[2].isdecimal()
 
 
 def _parameter(name: str, numbers: Mapping[str, Any]) -> dict[str, Cell]:
@@ -154,6 +159,7 @@ def _fits(result: Mapping[str, Any]) -> dict[Lobes, FitNumbers]:
                     numbers["unit"],
                 )
                 for name, numbers in fit["parameters"].items()
+                if not _of_a_later_one(name)
             },
         )
         for fit in result.get("fits", ())

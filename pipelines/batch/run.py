@@ -103,7 +103,7 @@ def _suspects(waiting: deque[Job], beacons: Path | None, why: str, note: Callabl
     suspects = [job for job in waiting if job.number in lit]
     for job in suspects:
         waiting.remove(job)
-    names = ", ".join(str(job.image) for job in suspects) or "none"
+    names = ", ".join(job.name for job in suspects) or "none"
     note(f"a worker died ({obituary(why)}); in hand were {names}: to be fitted again, alone")
     return suspects
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipelines.report.text import clean
 from pipelines.settings import Settings
 from toolkit.errors import BadInputError, UsageError
 
@@ -39,18 +40,18 @@ class Options:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Item:
-    """One photograph with its place and its settings, or why it has none."""
+    """One fit, of a photograph or of several jointly: its place and each one's settings, or why there are none."""
 
-    photograph: Photograph
+    photographs: tuple[Photograph, ...]
     place: str
-    settings: Settings | None
+    settings: tuple[Settings, ...]
     digest: str = ""
     error: Exception | None = None
 
 
 @dataclass(slots=True, kw_only=True)
 class Ending:
-    """How all photographs ended, in their order; `kept` came from an earlier run."""
+    """How all fits ended, in their order; `kept` came from an earlier run."""
 
     items: list[Item]
     outcomes: list[Outcome]
@@ -100,19 +101,41 @@ def batch(
 
 
 def plan(photographs: Sequence[Photograph], options: Options) -> list[Item]:
-    """Settings and place of each photograph; raises UsageError for a flag's mistake, which would fail all."""
-    if any(one.group for one in photographs):
-        raise UsageError("the manifest names groups for joint fits, which this version cannot make; remove the column")
-    return [_item(one, str(place), options) for one, place in zip(photographs, places(photographs), strict=True)]
+    """Settings and place of each fit; raises UsageError for a flag's mistake, which would fail all."""
+    together = grouped(photographs)
+    found = places([group[0] for group in together])
+    return [_item(group, str(place), options) for group, place in zip(together, found, strict=True)]
 
 
-def _item(photograph: Photograph, place: str, options: Options) -> Item:
+def grouped(photographs: Sequence[Photograph]) -> list[tuple[Photograph, ...]]:
+    """Those of one group together, where its first one stands; of no group each alone."""
+    groups: dict[object, list[Photograph]] = {}
+    for index, one in enumerate(photographs):
+        groups.setdefault(one.group or index, []).append(one)
+    return [tuple(group) for group in groups.values()]
+
+
+def _item(group: tuple[Photograph, ...], place: str, options: Options) -> Item:
     try:
-        settings = options.settings_for(photograph)
+        settings = tuple(options.settings_for(one) for one in group)
+        _refuse_unlike(group, settings)
     except BadInputError as error:
-        return Item(photograph=photograph, place=place, settings=None, error=error)
+        return Item(photographs=group, place=place, settings=(), error=error)
     digest = settings_digest(settings, page=options.page, exports=options.exports)
-    return Item(photograph=photograph, place=place, settings=settings, digest=digest)
+    return Item(photographs=group, place=place, settings=settings, digest=digest)
+
+
+def _refuse_unlike(group: Sequence[Photograph], settings: Sequence[Settings]) -> None:
+    """Photographs fitted jointly show one material and are fitted with the same models, by the same rules."""
+    named = sorted({clean(one.material) for one in group})
+    if len(named) > 1:
+        raise BadInputError(f"group {clean(group[0].group)}: found the materials {', '.join(named)}; expected one")
+    for one, own in zip(group, settings, strict=True):
+        if own.fit != settings[0].fit:
+            raise BadInputError(
+                f"group {clean(one.group)}: [fit] of {clean(one.path.name)} differs from that of "
+                f"{clean(group[0].path.name)}; expected the same for all"
+            )
 
 
 def _folder(options: Options) -> None:
@@ -155,17 +178,16 @@ def _jobs(
 ) -> Iterator[Job]:
     """What is to be done; items without settings have failed already."""
     for number, item in enumerate(items):
-        if item.settings is None:
+        if not item.settings:
             outcomes[number] = failure(number, item.error or BadInputError("no settings"))
             book.ended(item.place, "", outcomes[number])
             ended(item, outcomes[number])
             continue
         yield Job(
             number=number,
-            image=item.photograph.path.absolute(),
+            asked=tuple((one.path.absolute(), own) for one, own in zip(item.photographs, item.settings, strict=True)),
             out=options.out.absolute(),
             place=item.place,
-            settings=item.settings,
             page=options.page,
             exports=options.exports,
             version=options.version,

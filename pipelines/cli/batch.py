@@ -138,7 +138,7 @@ def _plan(photographs: list[Photograph], options: Options, terminal: Terminal) -
 
     codes = []
     for item in plan(photographs, options):
-        name = shown_name(item.photograph)
+        name = shown_name(item.photographs)
         if item.error is not None:
             codes.append(terminal.failure(name, item.error, lines=True))
         elif terminal.json:
@@ -153,11 +153,12 @@ def _plan(photographs: list[Photograph], options: Options, terminal: Terminal) -
 def _run(photographs: list[Photograph], options: Options, where: BatchFlags, terminal: Terminal) -> int:
     from pipelines.batch.crew import crew
     from pipelines.batch.whole import batch as run_batch
+    from pipelines.batch.whole import grouped
 
     from .progress import watching
 
     engaged = crew(where.executor, jobs=where.jobs, version=options.version)
-    with watching(len(photographs), terminal) as watch:
+    with watching(len(grouped(photographs)), terminal) as watch:
 
         def ended(item: Item, outcome: Outcome) -> None:
             _ended(item, outcome, options, watch, terminal)
@@ -173,13 +174,14 @@ def _ended(item: Item, outcome: Outcome, options: Options, watch: Watch, termina
     from pipelines.report.stored import read_result
     from pipelines.report.text import stem
 
-    name = shown_name(item.photograph)
+    name = shown_name(item.photographs)
     watch.ended(name, outcome.status, outcome.error)
     if not terminal.json:
         return
-    result = options.out / item.place / f"{stem(item.photograph.path.name)}.json"
+    first = item.photographs[0].path.name
+    result = options.out / item.place / f"{stem(first)}.json"
     found = read_result(result) if outcome.result else {}
-    terminal.object(found or failure_object(item.photograph.path.name, outcome.error), lines=True)
+    terminal.object(found or failure_object(first, outcome.error), lines=True)
 
 
 def _summary(ending: Ending, options: Options, terminal: Terminal) -> None:
@@ -188,7 +190,8 @@ def _summary(ending: Ending, options: Options, terminal: Terminal) -> None:
     counts = ending.counts
     kept = f" ({counts['kept']} of them before)" if counts["kept"] else ""
     failed = f", {counts['failed']} failed" if counts["failed"] else ""
-    told = f"{counts['done'] + counts['kept']} of {len(ending.outcomes)} photographs done{kept}{failed}"
+    what = "fits" if any(len(item.photographs) > 1 for item in ending.items) else "photographs"
+    told = f"{counts['done'] + counts['kept']} of {len(ending.outcomes)} {what} done{kept}{failed}"
     if not terminal.quiet:
         terminal.say(f"{told}; page: {options.out / PAGE}")
 

@@ -20,7 +20,7 @@ def planned(folder: Path) -> Iterator[Path]:
     folder.mkdir(parents=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(fake.PLAN, str(folder))
-        patch.setattr("pipelines.fit_material.fit_material", pipelines.fit_material.fit_material)
+        patch.setattr("pipelines.fit_material.fit_jointly", pipelines.fit_material.fit_jointly)
         patch.setattr(write, "_writers", write._writers)
         yield folder
 

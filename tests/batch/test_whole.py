@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pipelines.batch.inputs import photographs
 from pipelines.batch.journal import NAME
+from pipelines.batch.whole import Ending, Options, batch
 from pipelines.settings import FitTable, Settings
 from toolkit.errors import UsageError
 
-from . import shoots
+from . import fake, shoots
 
 pytestmark = pytest.mark.usefixtures("plan")
 
@@ -151,15 +154,36 @@ def test_no_result_leaves_the_folder_through_a_link(tmp_path: Path) -> None:
     assert list(elsewhere.iterdir()) == []
 
 
-def test_groups_for_joint_fits_are_refused_for_now(tmp_path: Path) -> None:
-    """With a line that says so."""
-    from dataclasses import replace
+def joined(source: Path, out: Path, *groups: str, materials: str = "xxxxx", seeds: str = "00000") -> Ending:
+    """A batch of five photographs of these groups, materials and seeds."""
+    found = photographs([str(source)])
+    told = [replace(one, group=g, material=m) for one, g, m in zip(found, groups, materials, strict=True)]
+    own = {one.path: Settings(fit=FitTable(seed=int(seed))) for one, seed in zip(found, seeds, strict=True)}
+    options = Options(out=out, settings_for=lambda one: own[one.path], version="1", page=False, resume=out.exists())
+    return batch(told, options, shoots.INLINE, ended=lambda item, outcome: None, note=print, work=fake.work)
 
-    from pipelines.batch.inputs import photographs
-    from pipelines.batch.whole import Options, batch
 
-    source = shoots.shoot(tmp_path / "shoot", 1)
-    joint = [replace(one, group="a") for one in photographs([str(source)])]
-    options = Options(out=tmp_path / "out", settings_for=lambda one: Settings(), version="1")
-    with pytest.raises(UsageError, match="joint fits"):
-        batch(joint, options, shoots.INLINE, ended=lambda item, outcome: None, note=print)
+def test_photographs_of_one_group_are_one_fit(tmp_path: Path, plan: Path) -> None:
+    """Where the first of them stands, with every one's settings; of no group each is its own; --resume knows all."""
+    source, out = shoots.shoot(tmp_path / "shoot", 5), tmp_path / "out"
+    ending = joined(source, out, "a", "", "a", "", "a")
+    names = [[one.path.name for one in item.photographs] for item in ending.items]
+    assert names == [["ball000.dng", "ball004.dng", "ball003.dng"], ["ball002.dng"], ["ball001.dng"]]
+    assert ending.counts == {"done": 3}
+    assert begun(plan)[:3] == names[0]
+    assert (out / "day1" / "ball000.fit" / "ball000.settings-3.toml").is_file()
+    (row, *_) = json.loads((out / "batch.json").read_bytes())["photographs"]
+    assert (row["photograph"], row["group"]) == ("day1/ball000.dng + day1/ball004.dng + day2/ball003.dng", "a")
+    assert joined(source, out, "a", "", "a", "", "a").counts == {"kept": 3}
+    (source / "day2" / "ball003.dng").write_bytes(b"good, but another")
+    assert "ball003.dng has changed" in joined(source, out, "a", "", "a", "", "a").outcomes[0].error
+
+
+def test_a_group_that_cannot_be_one_fit_fails_alone(tmp_path: Path) -> None:
+    """Photographs of two materials, or fitted by other rules."""
+    source = shoots.shoot(tmp_path / "shoot", 5)
+    groups = ("a", "a", "b", "b", "")
+    ending = joined(source, tmp_path / "out", *groups, materials="xyxxx", seeds="00011")
+    assert [outcome.status for outcome in ending.outcomes] == ["failed", "failed", "done"]
+    assert "group a: found the materials x, y; expected one" in ending.outcomes[0].error
+    assert "group b: [fit] of ball001.dng differs from that of ball004.dng" in ending.outcomes[1].error

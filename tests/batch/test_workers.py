@@ -33,7 +33,7 @@ def test_a_photograph_that_kills_its_worker_fails_and_no_other(tmp_path: Path, p
     ending = shoots.run(source, out, CREWS[name], notes=notes)
     assert ending.counts == {"done": 7, "failed": 1}
     guilty = next(outcome for outcome in ending.outcomes if outcome.status == "failed")
-    assert ending.items[guilty.number].photograph.path.name == "ball004.dng"
+    assert ending.items[guilty.number].photographs[0].path.name == "ball004.dng"
     assert "its worker died" in guilty.error
     assert any("ball004.dng" in note and "again, alone" in note for note in notes)
     assert name == "forks" or "SIGKILL" in guilty.error
