@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,16 +12,23 @@ from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import Quads
-from toolkit.records import ColourLayers, Fit, LinearImage, ModelLayers, Scene
+from toolkit.records import ColourLayers, Fit, LinearImage, ModelLayers, Scene, Sphere
 
 from .settings import Settings
 
 if TYPE_CHECKING:
     from toolkit.separation import Illuminant
 
+RIM = 2.0  # quads inside the outline: half a quad, and the blur of a lens
 
-def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings: Settings) -> ColourLayers | None:
-    """What colour alone separates; None where that is not asked for, or the photograph's colours cannot tell."""
+
+def separate_colours(
+    image: LinearImage, picture: Quads, scene: Scene, settings: Settings, fit: Fit
+) -> ColourLayers | None:
+    """What colour alone separates; None where that is not asked for, or the photograph's colours cannot tell.
+
+    The light's colour is the given one, else what `fit` leaves as highlight, else the colours' own best guess.
+    """
     if settings.separation.method == "none":
         return None
     from toolkit.separation import best_illuminant, separate
@@ -31,14 +39,14 @@ def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings:
         "variance": image.noise,
         "usable": usable_samples(image),
         "bloom": (picture.flags & SampleFlag.BLOOM) > 0,
-        "on_sphere": on_sphere(scene.camera, scene.sphere, x0 + step * column, y0 + step * row),
+        "on_sphere": on_sphere(scene.camera, _inside(scene.sphere, image), x0 + step * column, y0 + step * row),
     }
     try:
         white = image.metadata.as_shot_neutral
         light = best_illuminant(
             picture.values,
             **seen,
-            known=_known_illuminant(scene, settings),
+            known=_known_illuminants(scene, settings, fit),
             camera_white=np.array(white) if len(white) == 3 else None,
         )
         return separate(
@@ -47,6 +55,7 @@ def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings:
             light_colour=light.colour,
             light_covariance=light.covariance,
             light_source=light.source,
+            light_reason=light.reason,
             origin_px=picture.origin_px,
             step_px=picture.step_px,
         )
@@ -54,12 +63,22 @@ def separate_colours(image: LinearImage, picture: Quads, scene: Scene, settings:
         return None
 
 
-def _known_illuminant(scene: Scene, settings: Settings) -> list[Illuminant]:
-    """The light's colour where the settings or a known irradiance give it."""
+def _inside(sphere: Sphere, image: LinearImage) -> Sphere:
+    """The sphere less a rim where a mosaic's quad sees the ball in some channels and what is behind it in others."""
+    apart = len({plane.origin_px for plane in image.planes}) > 1
+    return replace(sphere, radius_px=sphere.radius_px - RIM * image.planes[0].step_px) if apart else sphere
+
+
+def _known_illuminants(scene: Scene, settings: Settings, fit: Fit) -> list[Illuminant]:
+    """The light's colour where the settings, a known irradiance or the known shape tell it."""
+    from toolkit.inference.light_colour import light_colour
     from toolkit.separation import illuminant
 
     given = settings.separation.illuminant or (scene.lights[0].irradiance if scene.scale == "absolute" else None)
-    return [] if given is None else [illuminant(np.array(given), sd_deg=0.0, source="given")]
+    if given is not None:
+        return [illuminant(np.array(given), sd_deg=0.0, source="given")]
+    shown = light_colour(fit)
+    return [] if shown is None else [shown]
 
 
 def usable_samples(image: LinearImage) -> NDArray[np.bool_]:

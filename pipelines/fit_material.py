@@ -1,7 +1,7 @@
 """The main job, read this first: from the file of a photograph to everything that is known of the material.
 
-file -> RawFrame -> LinearImage -> Scene -> ColourLayers -> Fits (with their posteriors)
--> ModelLayers -> MaterialReport
+file -> RawFrame -> LinearImage -> Scene -> Fits (with their posteriors) -> ColourLayers, ModelLayers
+-> MaterialReport
 """
 
 from __future__ import annotations
@@ -42,26 +42,32 @@ def fit_jointly(
     """
     clock, settings = Clock(progress), asked[0][1]
     looked = [_look(path, own, clock) for path, own in asked]
+    from toolkit.inference.agreement import agreement
     from toolkit.inference.compare import rank
     from toolkit.inference.joint import of_photograph
 
     from .candidates import fit_models
-    from .colours import layers_of_fit
+    from .colours import layers_of_fit, separate_colours
     from .quality import quality_flags
 
     with clock.stage("fit"):
         fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
         best, preferred, lead = rank(fits)
     seen = []
-    with clock.stage("layers"):
-        for v, (one, picture) in enumerate(looked):
-            flags = quality_flags(one, fits[best], preferred, asked=settings.separation.method != "none")
-            layers = layers_of_fit(one.image, picture, of_photograph(fits[best], v))
-            seen.append(replace(one, layers=layers, flags=one.flags + flags))
+    for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
+        mine = of_photograph(fits[best], v)
+        with clock.stage("separate"):
+            separation = separate_colours(one.image, picture, one.scene, own, mine)
+        with clock.stage("layers"):
+            layers = layers_of_fit(one.image, picture, mine)
+            agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
+            full = replace(one, separation=separation, layers=layers, agreement=agreed)
+        seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
         scene=seen[0].scene,
         separation=seen[0].separation,
+        agreement=seen[0].agreement,
         fits=fits,
         best=best,
         preferred=preferred,
@@ -74,7 +80,7 @@ def fit_jointly(
 
 
 def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:
-    """Read one photograph, find the sphere and the light, separate by colour; also its picture."""
+    """Read one photograph, find the sphere and the light; also its picture."""
     from toolkit.io.read import read
 
     with imported_meanwhile("pipelines.candidates", "emcee"):
@@ -82,12 +88,9 @@ def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Qua
             frame = read(path)
         from toolkit.radiometry.quads import quads
 
-        from .colours import separate_colours
         from .locate import locate
 
         with clock.stage("locate"):
             image, scene, found = locate(frame, settings)
             picture = quads(image)
-        with clock.stage("separate"):
-            separation = separate_colours(image, picture, scene, settings)
-    return Photograph(image=image, scene=scene, separation=separation, layers=None, flags=found), picture
+    return Photograph(image=image, scene=scene, flags=found), picture

@@ -15,8 +15,8 @@ CORE_SHARE = 0.02  # of the core's samples
 THIN = 4  # one row and column in so many is enough to count the core's samples
 
 
-def quality_flags(seen: Photograph, best: Fit, preferred: int | None, *, asked: bool) -> tuple[str, ...]:
-    """The flags of the photograph and of its best fit; `asked` whether separation by colour was."""
+def quality_flags(seen: Photograph, best: Fit, preferred: int | None) -> tuple[str, ...]:
+    """The flags of the photograph and of its best fit."""
     image, scene, separation = seen.image, seen.scene, seen.separation
     clipped, core = clipped_shares(image, scene)
     found = {
@@ -27,10 +27,11 @@ def quality_flags(seen: Photograph, best: Fit, preferred: int | None, *, asked: 
         Flag.HIGHLIGHT_CLIPPED: core > CORE_SHARE,
         Flag.HIGHLIGHT_UNSEEN: np.isnan(core),
         Flag.MODEL_UNDECIDED: preferred is None,
-        Flag.COLOUR_CANNOT_SEPARATE: asked
+        Flag.COLOUR_CANNOT_SEPARATE: seen.agreement is not None
         and (
             separation is None or Flag.COLOUR_CANNOT_SEPARATE in separation.flags
         ),  # the separation's other flags are about its own layers and stay with them
+        Flag.LAYERS_DISAGREE: seen.agreement is not None and seen.agreement.disagree,
     }
     return tuple(dict.fromkeys([*(flag for flag, holds in found.items() if holds), *best.flags]))
 

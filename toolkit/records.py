@@ -207,6 +207,7 @@ class ColourLayers:
     origin_px: tuple[float, float]
     step_px: int
     flags: tuple[str, ...] = ()
+    light_reason: str = ""  # in words, why that source of the light's colour
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -294,14 +295,30 @@ class ModelLayers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Agreement:
+    """Layers by colour beside layers by shape: which to believe, why, and how far they are apart.
+
+    `difference` is the relative rms of the specular layers' difference beyond noise; None where colour says nothing.
+    """
+
+    preferred: Literal["shape", "colour"]
+    reason: str
+    difference: float | None
+    disagree: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Photograph:
-    """One photograph with what is its own: where it was taken, what colour separates, the best fit's layers."""
+    """One photograph with what is its own: where it was taken; after the fit also what colour separates and the best
+    fit's layers, and which of them to believe.
+    """
 
     image: LinearImage
     scene: Scene
-    separation: ColourLayers | None
-    layers: ModelLayers | None
     flags: tuple[str, ...]
+    separation: ColourLayers | None = None
+    layers: ModelLayers | None = None
+    agreement: Agreement | None = None  # None where separation by colour was not asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -313,6 +330,7 @@ class MaterialReport:
     image: LinearImage
     scene: Scene
     separation: ColourLayers | None
+    agreement: Agreement | None  # None where separation by colour was not asked for
     fits: tuple[Fit, ...]
     best: int
     preferred: int | None

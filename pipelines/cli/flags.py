@@ -112,7 +112,10 @@ class FitFlags:
         Literal["dichromatic", "none"] | None, Parameter(group=FIT, help="Separation by colour. [default: dichromatic]")
     ] = None
     illuminant: Annotated[
-        str | None, Parameter(group=FIT, metavar="R,G,B", help="The light's colour in camera RGB. [default: found]")
+        str | None,
+        Parameter(
+            group=FIT, metavar="R,G,B", help="The light's colour in camera RGB, or auto: the surest way there is."
+        ),
     ] = None
     transfer: Annotated[
         Literal["srgb"] | None, Parameter(group=FIT, help="Undo this curve in 8-bit or encoded images; marked.")
@@ -134,7 +137,8 @@ class FitFlags:
         if self.method:
             yield Layer(name="--method", values={"separation": {"method": self.method}})
         if self.illuminant is not None:
-            colour = numbers("--illuminant", self.illuminant, "R,G,B")
+            told = self.illuminant != "auto"
+            colour = numbers("--illuminant", self.illuminant, "R,G,B") if told else None
             yield Layer(name="--illuminant", values={"separation": {"illuminant": colour}})
 
 

@@ -30,7 +30,12 @@ FIELDS = (
         "lights",
         "as given or estimated, camera frame (x right, y up, z to the camera); fitted: where the best fit put it",
     ),
-    ("separation", "by colour alone: unit colours of body and light, the angle between them in degrees"),
+    (
+        "separation",
+        "by colour alone: unit colours of body and light, the angle between them in degrees, where the light's colour "
+        "is from, why, and its error; preferred: whose layers to believe, colour's or the known shape's, and the "
+        "reason; difference: of the two specular layers beyond noise, relative",
+    ),
     (
         "fits[].parameters",
         "estimate: posterior mean; mode; sd: with calibration and model error; sd_statistical: noise alone",

@@ -53,6 +53,7 @@ def _context(report: MaterialReport, settings: Settings | None) -> dict[str, Any
         "others": [(row, rows.parameter_rows(report.fits[row.index])) for row in rows.model_rows(report)[1:]],
         "meaning": rows.meaning,
         "separation": report.separation,
+        "agreement": report.agreement,
         "settings": _settings_text(settings),
         "dictionary": dictionary,
         "file_rows": provenance.file_rows(report),

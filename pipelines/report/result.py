@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from toolkit.records import ColourLayers, Estimate, Fit, Light, LinearImage, MaterialReport, Scene
+from toolkit.records import (
+    Agreement,
+    ColourLayers,
+    Estimate,
+    Fit,
+    Light,
+    LinearImage,
+    MaterialReport,
+    Photograph,
+    Scene,
+)
 
 from .fitted import fitted_light
 from .text import base_name, clean
@@ -40,7 +50,7 @@ def result_object(
         "status": "failed" if (error := _error(best)) else "ok",
         "error": error,
         "flags": [clean(flag) for flag in report.flags],
-        **_own(report.image, report.scene, report.separation, settings, best),
+        **_own(report, settings, best),
         "fits": [_fit(fit) for fit in report.fits],
         "best": report.best if best else None,
         "preferred": report.preferred,
@@ -50,7 +60,7 @@ def result_object(
         made["scale"] = report.scale
         told = [settings, *others, *[None] * len(report.photographs)]
         made["photographs"] = [
-            {"flags": [clean(flag) for flag in one.flags], **_own(one.image, one.scene, one.separation, own, part)}
+            {"flags": [clean(flag) for flag in one.flags], **_own(one, own, part)}
             for one, own, part in zip(report.photographs, told, _parts(report), strict=False)
         ]
     return {key: finite(value) for key, value in made.items()}
@@ -63,19 +73,17 @@ def _parts(report: MaterialReport) -> list[Fit]:
     return [of_photograph(report.fits[report.best], v) for v in range(len(report.photographs))]
 
 
-def _own(
-    image: LinearImage, scene: Scene, separation: ColourLayers | None, settings: Settings | None, best: Fit | None
-) -> dict[str, Any]:
+def _own(of: Photograph | MaterialReport, settings: Settings | None, best: Fit | None) -> dict[str, Any]:
     """What is one photograph's own."""
-    noise = image.noise
+    noise = of.image.noise
     return {
-        "image": _image(image),
-        "camera": _camera(scene),
+        "image": _image(of.image),
+        "camera": _camera(of.scene),
         "noise": {"gain": noise.gain, "read": noise.read, "source": noise.source},
-        "scale": scene.scale,
-        "sphere": _sphere(scene, settings),
-        "lights": _lights(scene, best),
-        "separation": _separation(separation) if separation else None,
+        "scale": of.scene.scale,
+        "sphere": _sphere(of.scene, settings),
+        "lights": _lights(of.scene, best),
+        "separation": _separation(of.separation, of.agreement) if of.separation else None,
     }
 
 
@@ -201,13 +209,20 @@ def _fitted(best: Fit, index: int) -> dict[str, Any]:
     return {"direction": light.direction, **place, "sd_deg": light.sd_deg}
 
 
-def _separation(layers: ColourLayers) -> dict[str, Any]:
+def _separation(layers: ColourLayers, agreed: Agreement | None) -> dict[str, Any]:
     return {
         "method": layers.method,
         "body_colour": layers.body_colour,
         "light_colour": layers.light_colour,
+        "light_source": layers.light_source,
+        "light_reason": clean(layers.light_reason),
+        "light_sd_deg": float(np.degrees(np.sqrt(np.trace(layers.light_covariance)))),
         "angle_deg": layers.angle_deg,
+        "angle_sd_deg": layers.angle_sd_deg,
         "flags": [clean(flag) for flag in layers.flags],
+        "preferred": agreed.preferred if agreed else None,
+        "reason": agreed.reason if agreed else None,
+        "difference": agreed.difference if agreed else None,
     }
 
 

@@ -16,6 +16,7 @@ from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import surface
 from toolkit.inference.layers import predict
 from toolkit.records import (
+    Agreement,
     Camera,
     ColourLayers,
     Diagnostics,
@@ -261,6 +262,7 @@ def report(
         image=photograph,
         scene=of,
         separation=separation(pictures),
+        agreement=Agreement(preferred="shape", reason="the lobes describe the ball", difference=0.01, disagree=False),
         fits=fits,
         best=0,
         preferred=0,

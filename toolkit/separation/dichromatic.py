@@ -34,6 +34,7 @@ def separate(
     light_colour: Floats | None = None,
     light_covariance: Floats | None = None,
     light_source: str = "given",
+    light_reason: str = "",
     origin_px: tuple[float, float] = (0.0, 0.0),
     step_px: int = 1,
 ) -> ColourLayers:
@@ -49,7 +50,7 @@ def separate(
     ready = samples(picture, variance=variance, usable=usable, bloom=bloom, on_sphere=on_sphere)
     if light_colour is None:
         source = of_samples(ready)
-        light, of_light, light_source = source.colour, source.covariance, source.source
+        light, of_light, light_source, light_reason = source.colour, source.covariance, source.source, source.reason
     else:
         light = unit_colour(light_colour)
         of_light = np.zeros((3, 3)) if light_covariance is None else np.asarray(light_covariance, float)
@@ -79,6 +80,7 @@ def separate(
         origin_px=origin_px,
         step_px=step_px,
         flags=flags,
+        light_reason=light_reason,
     )
 
 

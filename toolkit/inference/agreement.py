@@ -1,0 +1,86 @@
+"""Two answers to one question: layers by colour, which know no shape, and layers by shape, which know the lobe.
+
+Known shape averages over the whole ball and separates grey bodies, too; but it stands on its lobe. Colour stands on the
+angle between body and light, and on pixels that are matte. Each is wrong where the other's ground holds, so the two
+are compared, and the one whose ground holds is preferred.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolkit.flags import Flag
+from toolkit.records import Agreement, ColourLayers, Fit, Floats, ModelLayers
+
+SURE_ANGLE_DEG = 10.0  # between body and light, below which 1 % noise leaves colour a fifth of the highlight
+DISAGREE = 0.1  # of the specular layer's rms: from which the two answers differ
+BLOCK = 4  # pixels across the squares whose means are compared
+LIMB = 0.03  # of the sphere's box: so near to the outline blur and the quads' own size make colours of two places one
+SIGNIFICANT_SDS = 4.0  # of what noise alone makes of their difference
+NO_GROUND = (Flag.COLOUR_CANNOT_SEPARATE, Flag.MATTE_LINE_BENT, Flag.POOR_FIT)  # of colour's own layers
+
+
+def agreement(colours: ColourLayers | None, layers: ModelLayers, fit: Fit) -> Agreement:
+    """Which layers to believe and why; `difference` is the rms of the specular layers' difference beyond colour's own
+    noise, over the rms of the shape's layer.
+    """
+    if colours is None or Flag.COLOUR_CANNOT_SEPARATE in colours.flags:
+        return Agreement(preferred="shape", reason="colour cannot separate here", difference=None, disagree=False)
+    difference, significant = _difference(colours, layers)
+    preferred, reason = _preferred(colours, fit)
+    heard = significant and not any(flag in colours.flags for flag in NO_GROUND)
+    disagree = difference is not None and heard and difference > DISAGREE
+    return Agreement(preferred=preferred, reason=reason, difference=difference, disagree=disagree)
+
+
+def _preferred(colours: ColourLayers, fit: Fit) -> tuple[Literal["shape", "colour"], str]:
+    if colours.angle_deg < SURE_ANGLE_DEG:
+        return (
+            "shape",
+            f"body and light are {colours.angle_deg:.1f} degrees apart in colour: too close for colour alone",
+        )
+    if any(flag in colours.flags for flag in NO_GROUND):
+        return "shape", "the colours show no plain matte line"
+    if Flag.POOR_FIT in fit.flags:
+        return "colour", "the lobes leave residuals far above the noise, and colour needs no lobe"
+    return "shape", "the lobes describe the ball, and shape averages over all of it"
+
+
+def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | None, bool]:
+    """Relative rms of the difference of block means beyond noise, and whether noise alone cannot be the reason."""
+    light = np.asarray(colours.light_colour, float)
+    by_colour, by_shape = (np.asarray(layer, float) @ light for layer in (colours.specular, layers.specular))
+    variance = np.asarray(colours.covariance[..., 2], float)
+    both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & layers.used.all(axis=-1)
+    apart, noise, shown, count = (
+        _blocks(np.where(both, layer, 0.0)) for layer in (by_colour - by_shape, variance, by_shape, np.ones(both.shape))
+    )
+    full = count == BLOCK**2
+    power = float(np.mean(shown[full] ** 2)) if full.any() else 0.0
+    if power <= 0.0:
+        return None, False
+    beyond = float(np.mean(apart[full] ** 2 - noise[full]))
+    chance = float(np.sqrt(2.0 * np.sum(noise[full] ** 2))) / np.count_nonzero(full)
+    return float(np.sqrt(max(beyond, 0.0) / power)), bool(beyond > SIGNIFICANT_SDS * chance)
+
+
+def _blocks(layer: Floats) -> Floats:
+    """Sums over squares of BLOCK pixels: what a quad's channels see at different places cancels in them."""
+    height, width = (n // BLOCK for n in layer.shape)
+    return np.asarray(
+        layer[: height * BLOCK, : width * BLOCK].reshape(height, BLOCK, width, BLOCK).sum(axis=(1, 3)), float
+    )
+
+
+def _inner(ball: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The ball's disc less a rim."""
+    import cv2
+
+    rim = 2 * max(round(LIMB * max(ball.shape)), 1) + 1
+    kept = cv2.erode(
+        ball.astype(np.uint8), np.ones((rim, rim), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return np.asarray(kept > 0)
