@@ -13,6 +13,7 @@ from toolkit.errors import FitMaterialError, UsageError
 
 from .batch import batch
 from .compare import compare
+from .doctor import doctor
 from .fit import fit
 from .help import Columns
 from .light import light
@@ -45,6 +46,7 @@ app = App(
 app.default(fit)
 app.command(batch, name="batch", usage="Usage: fit-material batch INPUT ... --out DIR [OPTIONS]")
 app.command(compare, name="compare")
+app.command(doctor, name="doctor", usage="Usage: fit-material doctor IMAGE [OPTIONS]")
 app.command(light, name="light", usage="Usage: fit-material light IMAGE [IMAGE ...] [OPTIONS]")
 app.command(render, name="render")
 app.command(models, name="models")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 from typing import cast
 
 import numpy as np
@@ -31,7 +30,7 @@ def file_rows(report: MaterialReport) -> list[Row]:
         ("camera", clean(f"{metadata.make} {metadata.model}")),
         ("lens", clean(metadata.lens)),
         ("taken", clean(metadata.taken)),
-        ("exposure", _exposure(metadata)),
+        ("exposure", exposure(metadata)),
         ("written by", clean(metadata.software)),
         ("white level", f"{image.white:g} image units" if np.isfinite(image.white) else "none"),
         ("noise", _noise(report)),
@@ -45,11 +44,18 @@ def _layout(report: MaterialReport) -> str:
     return "mosaic, fitted sample by sample" if step > 1 else "three channels a pixel"
 
 
-def _exposure(metadata: Metadata) -> str:
+def shutter(seconds: float) -> str:
+    """An exposure time as cameras write it: 1/125 s, 0.5 s."""
+    if seconds >= 0.5:
+        return f"{seconds:.3g} s"
+    return f"1/{round(1 / seconds)} s"
+
+
+def exposure(metadata: Metadata) -> str:
+    """Time, aperture, sensitivity and focal length, as far as the file tells them."""
     told = []
     if metadata.exposure_s:
-        fraction = Fraction(metadata.exposure_s).limit_denominator(8000)
-        told.append(f"{fraction} s" if metadata.exposure_s < 0.5 else f"{metadata.exposure_s:g} s")
+        told.append(shutter(metadata.exposure_s))
     if metadata.f_number:
         told.append(f"f/{metadata.f_number:g}")
     if metadata.iso:
