@@ -62,7 +62,7 @@ class Score:
     failures: tuple[Mapping[str, Any], ...]
     missed: tuple[Mapping[str, Any], ...]  # clean trials with an alarm, or far from the truth
     false_alarms: float
-    seconds: Mapping[str, float]  # mean per stage of a trial
+    seconds: Mapping[str, float]  # median per stage of a trial
 
 
 def score(lines: Sequence[Mapping[str, Any]]) -> Score:
@@ -84,7 +84,7 @@ def score(lines: Sequence[Mapping[str, Any]]) -> Score:
         failures=tuple(line for line in lines if line["status"] != "done" and not line["broken"]),
         missed=tuple(line for line in clean if missed(line)),
         false_alarms=float(np.mean([alarmed(line) for line in clean])),
-        seconds=_mean_seconds(clean),
+        seconds=_typical_seconds(clean),
     )
 
 
@@ -158,6 +158,6 @@ def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _mean_seconds(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _typical_seconds(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     stages = list(dict.fromkeys(stage for line in clean for stage in line["seconds"]))
-    return {stage: float(np.mean([line["seconds"].get(stage, 0.0) for line in clean])) for stage in stages}
+    return {stage: float(np.median([line["seconds"].get(stage, 0.0) for line in clean])) for stage in stages}

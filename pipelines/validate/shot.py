@@ -106,8 +106,8 @@ def noise_of(electrons: float, read_electrons: float) -> Noise:
 def write(shot: Shot, folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
     """The photograph, with its user's scene file beside it; returns where, and the truth by a result's names."""
     path, rng = folder / f"{name}{shot.suffix}", np.random.default_rng(shot.seed)
-    dark = replace(SENSOR, black_dn=SENSOR.black_dn + round(shot.black_error / SENSOR.step))
-    samples = cam.mosaic(shot.picture, exposure=shot.exposure, noise=shot.noise, sensor=dark, rng=rng)
+    samples = cam.mosaic(shot.picture, exposure=shot.exposure, noise=shot.noise, sensor=_raised(shot), rng=rng)
+    samples = np.minimum(samples, SENSOR.white_dn)
     levels = np.clip((samples.astype(float) - SENSOR.black_dn) * SENSOR.step, 0.0, 1.0)
     if shot.gamma != 1.0:
         samples = cam.digitise(levels ** (1.0 / shot.gamma), SENSOR)
@@ -121,6 +121,12 @@ def write(shot: Shot, folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
     seen = exposed(shot.scene, shot.exposure)
     found = truth(seen, shot.material, rounded)["parameters"]
     return path, found if absolute else _relative(found, np.asarray(seen.lights[0].irradiance))
+
+
+def _raised(shot: Shot) -> cam.Sensor:
+    """The sensor with all its levels raised by the error of black: an offset, and no other gain."""
+    by_dn = round(shot.black_error / SENSOR.step)
+    return replace(SENSOR, black_dn=SENSOR.black_dn + by_dn, white_dn=SENSOR.white_dn + by_dn)
 
 
 def _relative(parameters: Mapping[str, Any], irradiance: Floats) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 
 from pipelines.validate.broken import ASSUMPTIONS, as_asked
 from pipelines.validate.design import LINEAR, MODELS, RANGES, RENDERS, designed, fingerprint, hypercube
-from pipelines.validate.shot import Shot, shoot, write
+from pipelines.validate.shot import SENSOR, Shot, shoot, write
 from synthetic.ellipsoid import ellipsoid
 from toolkit.io.read import read
 
@@ -89,6 +89,18 @@ def test_an_ellipsoid_that_is_not_stretched_is_the_sphere(shot: Shot) -> None:
     assert np.abs(one - other).mean() < 2e-3 * other.max()
     deep = shot.picture.full(shot.picture.coverage[..., None])[..., 0] == 1.0
     assert np.median(np.abs(one - other)[deep] / np.maximum(other[deep], 1e-3 * other.max())) < 1e-3
+
+
+def test_an_error_of_black_is_an_offset_and_no_gain(tmp_path: Path, shot: Shot) -> None:
+    """The same photograph with black 0.01 higher differs by 0.01 in bright samples and in dark ones alike."""
+    quiet = replace(shot.noise, gain=np.zeros(3), read=np.zeros(3))
+    still = replace(shot, noise=quiet)
+    low, high = (
+        SENSOR.step * read(write(replace(still, black_error=error), tmp_path, f"black {error}")[0]).values.astype(float)
+        for error in (0.0, 0.01)
+    )
+    assert np.ptp(low) > 0.2
+    assert high - low == pytest.approx(np.full(low.shape, 0.01), abs=1.5 * SENSOR.step)
 
 
 def test_what_is_told_differs_from_what_is_by_the_stated_error(tmp_path: Path) -> None:
