@@ -59,7 +59,7 @@ MEANING: dict[Flag, str] = {
     "fit with fresnel=dielectric",
     Flag.NO_SPECULAR: "no highlight stands out from the noise",
     Flag.NOT_CONVERGED: "the optimiser stopped before it converged",
-    Flag.CHAIN_TOO_SHORT: "the chain is shorter than 50 autocorrelation times",
+    Flag.CHAIN_TOO_SHORT: "the chain is no good: under 50 autocorrelation times, or at odds with itself",
     Flag.MODEL_UNDECIDED: "the data do not decide between the best models",
     Flag.LAYERS_DISAGREE: "separation by colour and separation by shape disagree",
 }

@@ -239,6 +239,7 @@ class Diagnostics:
     tau_max: float
     acceptance: float
     seed: int
+    quadrature_error: float | None = None  # of one shape number's mean or sd, in sds, against the sum over a grid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -265,6 +266,7 @@ class Fit:
     draws: Mapping[str, Floats]
     scene: Scene  # the geometry at the optimum, with fitted nuisances
     nuisances: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # shift and its sd, by name with unit
+    bic: float = float("nan")  # Schwarz's criterion over the cells' means; smaller is better
     others: tuple[Scene, ...] = ()  # of a joint fit, the other photographs' geometry; their own numbers are "_2", ...
 
     @property

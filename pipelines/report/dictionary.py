@@ -44,7 +44,14 @@ FIELDS = (
     ("… posterior_to_prior", "width of the posterior over that of the prior: near 1, the photograph tells nothing"),
     ("fits[].chi2_reduced", "misfit over measurement noise alone; 1 is perfect"),
     ("fits[].elpd", "expected log predictive density, over blocks of the surface; larger is better"),
-    ("fits[].posterior", "draws, least effective draws, largest R-hat and autocorrelation time, acceptance, seed"),
+    (
+        "fits[].bic",
+        "Schwarz's criterion; smaller is better, were one of the models exactly right",
+    ),
+    (
+        "fits[].posterior",
+        "draws, least effective draws, largest R-hat and autocorrelation time, acceptance, seed, error by quadrature",
+    ),
     ("photographs", "only of a joint fit: of each photograph what is its own, the first among them"),
     ("best, preferred", "indices into fits; preferred is null where the data do not decide"),
     ("elpd_difference", "the best over the runner-up, and the sd of that"),

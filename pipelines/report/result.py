@@ -235,6 +235,7 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "flags": [clean(flag) for flag in fit.flags],
         "chi2_reduced": fit.chi2_reduced,
         "elpd": fit.elpd,
+        "bic": fit.bic,
         "parameters": {parameter.name: _parameter(parameter) for parameter in fit.parameters},
         "posterior": _posterior(fit),
     }
@@ -246,7 +247,7 @@ def _parameter(parameter: Estimate) -> dict[str, Any]:
 
 
 def _posterior(fit: Fit) -> dict[str, Any]:
-    shown = ("samples", "ess_min", "r_hat_max", "tau_max", "acceptance", "seed")
+    shown = ("samples", "ess_min", "r_hat_max", "tau_max", "acceptance", "seed", "quadrature_error")
     return {name: getattr(fit.diagnostics, name, None) for name in shown}
 
 

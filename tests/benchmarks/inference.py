@@ -1,136 +1,170 @@
-"""The reference problem for speed: Lambert and a Beckmann lobe on 188,000 pixels of three channels, seven numbers.
+"""Fit and posterior of the reference problem beside the usual ways, as ratios of one run.
 
-A 512 x 512 orthographic sphere under one light 30 degrees off the axis, with shot and read noise. Rivals see the same
-pixels and start near the truth; what is timed of ours begins at the pixels, search and statistics included.
+python -m tests.benchmarks.inference     prints the figures; `make bench` calls `main()`
+
+Times are processor seconds of one core, so that other work on the machine does not count.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from synthetic.materials import material
-from synthetic.render import render
-from synthetic.scenes import direction
-from tests.inference.ball import photograph
-from toolkit.geometry.lights import DirectionalLight
-from toolkit.inference.cells import MIN_N_DOT_L, MIN_N_DOT_V, gather
+from toolkit.inference import cells
+from toolkit.inference.cells import gather
 from toolkit.inference.fit import Optimum, fit, pose
-from toolkit.inference.model import Model, lit_by
-from toolkit.inference.normal import inverse
+from toolkit.inference.infer import gather_for
+from toolkit.inference.model import Model
+from toolkit.inference.normal import inverse, solve
 from toolkit.inference.nuisances import fit_with_shifts, shifts_of
 from toolkit.inference.posterior import sample
-from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
-from toolkit.reflectance import LOBES
+from toolkit.records import Floats, LinearImage, Scene
 
-SIZE_PX, ALPHA = 512, 0.2
-BODY = np.array([0.45, 0.25, 0.12])
-NOISE = Noise(gain=np.full(3, 4e-4), read=np.full(3, 2e-3), source="given")
-REPEATS = 5
+from . import rivals
+from .reference import NOISE, numbers, ours, photograph_of, pixels, scene_of, seven, without_pedestal
 
-
-def problem() -> tuple[LinearImage, Scene]:
-    """The photograph and its scene."""
-    light = DirectionalLight(direction=direction(30.0), irradiance=(3.0, 3.0, 3.0))
-    sphere = Sphere(
-        centre_px=((SIZE_PX - 1) / 2,) * 2, radius_px=SIZE_PX / 2, covariance_px2=np.eye(3) * 0.01, source="given"
-    )
-    scene = Scene(camera=Camera(), sphere=sphere, lights=(light,), scale="absolute")
-    glossy = material("beckmann", {"alpha": ALPHA, "diffuse_albedo": BODY.tolist(), "specular_f0": 0.04})
-    picture = render(scene, glossy, width_px=SIZE_PX, height_px=SIZE_PX)
-    return photograph(picture.radiance(), seed=0, noise=NOISE, mosaic=False), scene
+EFFECTIVE = 5000
+GRID = 400  # places of the quadrature
+SIZES_PX = (512, 1024, 2048)
+Row = dict[str, Any]
 
 
-def pixels(image: LinearImage, scene: Scene) -> tuple[Any, Floats, Floats]:
-    """Geometry, radiance (3, N) and weights (3, N) of every usable pixel, for the rivals."""
-    y, x = np.mgrid[:SIZE_PX, :SIZE_PX].reshape(2, -1).astype(float)
-    lit = lit_by(scene, x, y)[0]
-    use = (lit.cosines.n_dot_v > MIN_N_DOT_V) & (lit.cosines.n_dot_l > MIN_N_DOT_L)
-    lit = lit_by(scene, x[use], y[use])[0]
-    values = np.stack([p.values.ravel()[use] for p in image.planes]).astype(float)
-    smooth = np.maximum(values, 0.0)
-    return lit, values, 1.0 / np.stack([NOISE.variance(s, c) for c, s in enumerate(smooth)])
-
-
-def residuals(lit: Any, values: Floats, weights: Floats) -> Callable[[Floats], Floats]:
-    """The rivals' weighted residuals of seven numbers: three albedos, three F0, log alpha."""
-    root, lambert = np.sqrt(weights), LOBES["lambert"].value(lit.cosines, ())
-
-    def of(p: Floats) -> Floats:
-        gloss = LOBES["beckmann"].value(lit.cosines, (float(np.exp(p[6])),))
-        f = p[3:6, None] * (1 - lit.schlick) + lit.schlick
-        return np.asarray(((3.0 * (p[:3, None] * lambert + f * gloss) - values) * root).ravel())
-
-    return of
-
-
-def ours(image: LinearImage, scene: Scene) -> Optimum:
-    """From pixels to optimum, search and statistics included."""
-    return fit(pose(Model.named("beckmann"), scene, gather(image, scene), NOISE))
-
-
-def seconds(action: Callable[[], object], repeats: int = REPEATS) -> float:
-    """The best of several runs."""
+def seconds(action: Callable[[], object], repeats: int = 1) -> float:
+    """Processor seconds, the best of several runs."""
     taken = []
     for _ in range(repeats):
-        begin = time.perf_counter()
+        begin = time.process_time()
         action()
-        taken.append(time.perf_counter() - begin)
+        taken.append(time.process_time() - begin)
     return min(taken)
 
 
-def plain_effective_per_s(of: Callable[[Floats], Floats], start: Floats, sd: Floats) -> float:
-    """Effective samples a second of emcee over all pixels: 20 walkers, a short run, at emcee's usual 80 steps each."""
-    import emcee
-
-    sampler = emcee.EnsembleSampler(20, 7, lambda p: -0.5 * float(np.sum(of(p) ** 2)))
-    begin = time.perf_counter()
-    sampler.run_mcmc(start + sd * np.random.default_rng(0).standard_normal((20, 7)), 3)
-    return 20 * 3 / (time.perf_counter() - begin) / 80.0  # 80 steps: the autocorrelation time of 7 dimensions
-
-
-def main() -> list[dict[str, Any]]:
-    """Print the table; rows of name, figure, target, met."""
-    image, scene = problem()
-    optimum = ours(image, scene)
-    lit, values, weights = pixels(image, scene)
-    of, truth = residuals(lit, values, weights), np.array([*BODY, 0.04, 0.04, 0.04, np.log(ALPHA)])
-    start = truth * np.array([0.7, 0.8, 1.2, 1.5, 1.5, 1.5, 0.8])
-    fitting = seconds(lambda: ours(image, scene))
-    plain = seconds(lambda: least_squares(of, start), repeats=1)
-    found = least_squares(of, start).x
-    sd = np.sqrt(np.diag(inverse(optimum.joint)))[-1]
-    free = seconds(lambda: fit_with_shifts(optimum.problem, shifts_of(scene)))
-    alone = seconds(lambda: fit(optimum.problem))
-    draws = sample(optimum, seed=1, effective=5000, draws=5000)
-    sampling = fitting + seconds(lambda: sample(optimum, seed=1, effective=5000, draws=5000), repeats=3)
-    theirs = plain_effective_per_s(of, found, np.full(7, 1e-4))
-    rows = [
-        _row("fit, x scipy TRF 2-point", plain / fitting, 150.0),
-        _row(
-            "posterior, effective samples a second, x emcee over all pixels",
-            draws.diagnostics.ess_min / sampling / theirs,
-            1000.0,
-        ),
-        _row("free calibration, x the fit without", free / alone, 10.0, most=True),
-    ]
-    sys.stdout.write(
-        f"{len(values[0])} pixels x 3: ours {fitting * 1e3:.0f} ms, scipy {plain:.2f} s; "
-        f"log alpha apart by {abs(found[6] - optimum.u[0]) / sd:.3f} sd (weights differ); "
-        f"{draws.diagnostics.ess_min / sampling:.0f} effective samples/s against {theirs:.1f}\n"
-    )
-    for row in rows:
-        sys.stdout.write(f"{row['name']:70} {row['figure']:10.1f}  asked {row['target']:g}  {row['met']}\n")
-    return rows
+def fitting(image: LinearImage, scene: Scene, optimum: Optimum) -> Iterator[Row]:
+    """The fit, statistics included, beside scipy's and lmfit's over all pixels, and how far apart the optima lie."""
+    fitted = seconds(lambda: ours(image, scene), repeats=7)
+    data = pixels(image, scene, optimum)
+    found = rivals.scipy_trf(data)
+    yield row("fit, x scipy TRF 2-point", seconds(lambda: rivals.scipy_trf(data)) / fitted, 150.0)
+    if there("lmfit"):
+        yield row("fit, x lmfit", seconds(lambda: rivals.lmfit_leastsq(data)) / fitted, 40.0)
+    held = seven(image, scene)
+    apart = np.abs(numbers(held) - found) / sds_of(held)
+    yield row("fit, largest distance from the optimum over all pixels, sd", float(apart.max()), 0.03, most=True)
+    free = seconds(lambda: fit_with_shifts(optimum.problem, shifts_of(scene)), repeats=3)
+    alone = seconds(lambda: fit(optimum.problem), repeats=5)
+    yield row("free calibration, x the fit without", free / alone, 10.0, most=True)
 
 
-def _row(name: str, figure: float, target: float, *, most: bool = False) -> dict[str, Any]:
+def sds_of(optimum: Optimum) -> Floats:
+    """Sds of the seven numbers, in the rivals' order."""
+    sd = np.sqrt(np.diag(inverse(optimum.joint)))
+    layout = optimum.problem.layout
+    return np.concatenate([layout.of("diffuse_albedo", sd), layout.of("specular_f0", sd), sd[layout.size :]])
+
+
+def sampling(image: LinearImage, scene: Scene, optimum: Optimum) -> Iterator[Row]:
+    """The posterior, statistics and fit included, beside emcee's and NUTS' over all pixels, and against quadrature."""
+
+    def whole() -> object:
+        return sample(ours(image, scene), seed=1, effective=EFFECTIVE, draws=EFFECTIVE)
+
+    draws = sample(optimum, seed=1, effective=EFFECTIVE, draws=EFFECTIVE)
+    effective = min(draws.diagnostics.ess_min, float(len(draws.x)))
+    per_s = effective / seconds(whole, repeats=3)
+    data, at = pixels(image, scene, optimum), numbers(optimum)
+    plain = rivals.emcee_effective_per_s(data, at, lambda run: seconds(run, repeats=5))
+    yield row("posterior, effective samples a second, x emcee over all pixels", per_s / plain, 1000.0)
+    if there("numpyro"):
+        nuts = rivals.nuts_effective_per_s(data, at, seconds)
+        yield row("posterior, effective samples a second, x NumPyro NUTS", per_s / nuts, 3000.0)
+    mean, sd = quadrature(optimum)
+    drawn = np.hstack([draws.x, draws.u])
+    off, wide = np.abs(drawn.mean(axis=0) - mean) / sd, np.abs(drawn.std(axis=0, ddof=1) / sd - 1.0)
+    yield row("posterior, effective samples", effective, float(EFFECTIVE) * 0.999)
+    yield row("posterior, largest error of a mean by quadrature, sd", float(off.max()), 0.05, most=True)
+    yield row("posterior, largest error of an sd by quadrature", float(wide.max()), 0.03, most=True)
+
+
+def quadrature(optimum: Optimum) -> tuple[Floats, Floats]:
+    """Mean and sd of all linear unknowns and of the one shape number, summed over a fine grid of the latter."""
+    problem, width = optimum.problem, float(np.sqrt(inverse(optimum.joint)[-1, -1]))
+    grid = optimum.u[0] + width * np.linspace(-7.0, 7.0, GRID)
+    density, means, variances = np.empty(GRID), [], []
+    for i, u in enumerate(grid):
+        normal = problem.assemble(problem.columns(np.array([u])), optimum.weights)
+        mean = solve(normal.matrix, normal.rhs)
+        density[i] = -0.5 * (normal.squares - mean @ normal.rhs) - 0.5 * np.linalg.slogdet(normal.matrix)[1]
+        means.append(np.append(mean, u))
+        variances.append(np.append(np.diag(inverse(normal.matrix)), 0.0))
+    weight = np.exp(density - density.max())
+    weight /= weight.sum()
+    mean = weight @ np.array(means)
+    return mean, np.sqrt(weight @ (np.array(variances) + (np.array(means) - mean) ** 2))
+
+
+def growth() -> Iterator[Row]:
+    """Time against the number of samples, in passes of numpy.sum over the same data; the posterior's time."""
+    fitted, summed, sampled = [], [], []
+    for size_px in SIZES_PX:
+        image, scene = photograph_of(size_px), scene_of(size_px)
+        optimum = ours(image, scene)
+        fitted.append(seconds(lambda i=image, s=scene: ours(i, s), repeats=5))
+        summed.append(seconds(lambda i=image: [np.sum(plane.values) for plane in i.planes], repeats=9))
+        sampled.append(seconds(lambda o=optimum: sample(o, seed=1, effective=EFFECTIVE), repeats=3))
+        gathering = seconds(lambda i=image, s=scene: gather(i, s), repeats=3)
+        sys.stdout.write(f"{size_px} px: fit {fitted[-1] * 1e3:.1f} ms, of it gathering {gathering * 1e3:.1f} ms\n")
+    passes = (fitted[-1] - fitted[0]) / (summed[-1] - summed[0])
+    yield row("growth, passes of numpy.sum over the samples added", passes, 12.0, most=True)
+    yield row("posterior at sixteen times the samples, x its time", sampled[-1] / sampled[0], 1.3, most=True)
+
+
+def bias() -> Iterator[Row]:
+    """How far cells move the optimum from that of every single sample, without noise, down to a roughness of 0.02."""
+    quiet = replace(NOISE, gain=NOISE.gain * 1e-12, read=NOISE.read * 1e-6)
+    for roughness_rad in (0.1, 0.02):
+        image, scene = photograph_of(noise=quiet, alpha=roughness_rad * 2**0.5), scene_of()
+        coarse = pose(Model.named("beckmann"), scene, gather_for(image, scene), NOISE)
+        with patch.object(cells, "SMOOTH_RAD", 1e-6):
+            every = pose(Model.named("beckmann"), scene, gather_for(image, scene), NOISE)
+        found, all_of_them = fit(without_pedestal(coarse)), fit(without_pedestal(every))
+        apart = np.abs(numbers(found) - numbers(all_of_them)) / sds_of(all_of_them)
+        yield row(f"fit, bias of the cells at roughness {roughness_rad:g} rad, sd", float(apart.max()), 0.03, most=True)
+
+
+def there(package: str) -> bool:
+    """Whether a peer of the bench group is installed; its row is left out where not, and that is said."""
+    found = importlib.util.find_spec(package) is not None
+    if not found:
+        sys.stdout.write(f"{package} is not installed: its rows are left out\n")
+    return found
+
+
+def row(name: str, figure: float, target: float, *, most: bool = False) -> Row:
+    """One line of the table; `most` where the target is the most that is allowed."""
     return {"name": name, "figure": figure, "target": target, "met": figure <= target if most else figure >= target}
+
+
+def main() -> list[Row]:
+    """Print the table; rows of name, figure, target, met."""
+    from threadpoolctl import threadpool_limits
+
+    image, scene = photograph_of(), scene_of()
+    rows = []
+    with threadpool_limits(1):
+        optimum = ours(image, scene)
+        for part in (fitting(image, scene, optimum), sampling(image, scene, optimum), bias(), growth()):
+            for one in part:
+                rows.append(one)
+                sys.stdout.write(f"{one['name']:66} {one['figure']:10.3g}  asked {one['target']:g}  {one['met']}\n")
+                sys.stdout.flush()
+    return rows
 
 
 if __name__ == "__main__":

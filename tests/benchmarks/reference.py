@@ -42,9 +42,9 @@ def scene_of(size_px: int = 512) -> Scene:
     return Scene(camera=Camera(), sphere=sphere, lights=(light,), scale="absolute")
 
 
-def photograph_of(size_px: int = 512, *, seed: int = 0, noise: Noise = NOISE) -> LinearImage:
-    """The photograph, at any size."""
-    glossy = material("beckmann", {"alpha": ALPHA, "diffuse_albedo": BODY.tolist(), "specular_f0": STRENGTH})
+def photograph_of(size_px: int = 512, *, seed: int = 0, noise: Noise = NOISE, alpha: float = ALPHA) -> LinearImage:
+    """The photograph, at any size; `noise` is what it really has, whatever the fit is told."""
+    glossy = material("beckmann", {"alpha": alpha, "diffuse_albedo": BODY.tolist(), "specular_f0": STRENGTH})
     picture = render(scene_of(size_px), glossy, width_px=size_px, height_px=size_px)
     return replace(photograph(picture.radiance(), seed=seed, noise=noise, mosaic=False), noise=NOISE)
 

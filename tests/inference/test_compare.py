@@ -26,6 +26,7 @@ def test_the_true_lobe_is_preferred(truth: str) -> None:
     assert preferred == best
     assert lead is not None
     assert lead[0] > 2 * lead[1]
+    assert min(fits, key=lambda fit: fit.bic) is fits[best]
 
 
 def test_a_number_that_earns_nothing_is_not_preferred() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from toolkit.inference.cells import gather
 from toolkit.inference.diagnostics import split_r_hat
 from toolkit.inference.fit import Optimum, fit, pose
 from toolkit.inference.model import Model
-from toolkit.inference.posterior import sample
+from toolkit.inference.posterior import converged, sample
 from toolkit.inference.surrogate import surrogate_of
 from toolkit.records import Floats, Noise
 
@@ -36,7 +38,18 @@ def test_emcee_agrees_with_quadrature(optimum: Optimum) -> None:
     assert abs(draws.u.mean() - mean) < 0.05 * sd
     assert draws.u.std() == pytest.approx(sd, rel=0.03)
     assert draws.diagnostics.r_hat_max < 1.02
+    assert draws.diagnostics.quadrature_error is not None
+    assert draws.diagnostics.quadrature_error < 0.05
     assert draws.long_enough
+
+
+def test_a_chain_at_odds_is_not_silent(optimum: Optimum) -> None:
+    """A chain whose parts disagree, or that stands beside the quadrature's answer, does not count as converged."""
+    good = sample(optimum, seed=3, effective=1000).diagnostics
+    assert converged(good)
+    assert not converged(replace(good, r_hat_max=1.3))
+    assert not converged(replace(good, quadrature_error=0.5))
+    assert converged(replace(good, ess_min=100.0, quadrature_error=0.2))  # no more than chance allows
 
 
 def test_the_surrogate_is_the_exact_density(optimum: Optimum) -> None:

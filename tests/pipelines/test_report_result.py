@@ -47,6 +47,7 @@ FIT = [
     "flags",
     "chi2_reduced",
     "elpd",
+    "bic",
     "parameters",
     "posterior",
 ]
@@ -77,7 +78,8 @@ def test_the_object_has_every_key_of_the_schema_in_its_order(report: MaterialRep
     assert set(result["elpd_difference"]) == {"value", "sd"}
     for fit in result["fits"]:
         assert list(fit) == FIT
-        assert set(fit["posterior"]) == {"samples", "ess_min", "r_hat_max", "tau_max", "acceptance", "seed"}
+        shown = {"samples", "ess_min", "r_hat_max", "tau_max", "acceptance", "seed", "quadrature_error"}
+        assert set(fit["posterior"]) == shown
         assert all(set(parameter) == PARAMETER for parameter in fit["parameters"].values())
 
 

@@ -37,6 +37,16 @@ def _without(joint: Floats, information: Floats, score: Floats, plain: float) ->
     return plain - 0.5 * quadratic - 0.5 * float(spread)
 
 
+def bic_of(optimum: Optimum, blocks: Blocks) -> float:
+    """Schwarz's criterion (1978): -2 log likelihood + unknowns x log of the cells that count.
+
+    Beside the predictive density, not instead of it: it takes every cell for independent and every model for one that
+    could be exactly right.
+    """
+    counted = sum(int(np.count_nonzero(w)) for w in optimum.weights.weights)
+    return float(len(optimum.joint) * np.log(max(counted, 1)) - 2.0 * blocks.density.sum())
+
+
 def difference(a: Fit, b: Fit) -> tuple[float, float]:
     """Difference of expected log predictive density of two fits, first less second, and its sd over the blocks."""
     each = np.asarray(a.elpd_blocks) - np.asarray(b.elpd_blocks)

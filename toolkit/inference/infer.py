@@ -11,7 +11,7 @@ from toolkit.records import Fit, Floats, LinearImage, Scene
 
 from .blocks import blocks_of, by_block
 from .cells import Cells, gather
-from .compare import elpd_blocks
+from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
 from .estimates import estimates_of, flags_of, named_draws, schlick_misleads
 from .fit import Optimum, View, pose_views
@@ -92,6 +92,7 @@ def infer_views(
         chi2_reduced=chi2_reduced,
         elpd=float(elpd.sum()),
         elpd_blocks=elpd,
+        bic=bic_of(optimum, blocks),
         parameters=estimates,
         diagnostics=draws.diagnostics,
         draws=_by_chain(named_draws(optimum, draws.u, draws.x)),

@@ -19,6 +19,9 @@ WALKERS = 128
 CHAINS = 4  # groups of walkers, as the draws are stored
 LENGTHS = 50  # autocorrelation times that a chain must last
 MOST_STEPS = 20_000
+MOST_R_HAT = 1.1  # of a chain to be believed
+MOST_QUADRATURE_ERROR = 0.05  # sds
+GRID = 2001  # places of the quadrature
 BLOCK = 50  # steps between two looks at the chain
 
 Progress = Callable[[str, float], None]
@@ -104,8 +107,25 @@ def _walk(
         tau_max=tau,
         acceptance=float(np.mean(sampler.acceptance_fraction)),
         seed=seed,
+        quadrature_error=_quadrature_error(surrogate, flat[:, 0]) if dimensions == 1 else None,
     )
-    return flat, diagnostics, enough
+    return flat, diagnostics, enough and converged(diagnostics)
+
+
+def converged(found: Diagnostics) -> bool:
+    """Whether chains agree with each other, and with the quadrature where there is one, to what chance allows."""
+    allowed = max(MOST_QUADRATURE_ERROR, 5.0 / np.sqrt(found.ess_min))
+    return found.r_hat_max < MOST_R_HAT and (found.quadrature_error or 0.0) < allowed
+
+
+def _quadrature_error(surrogate: Surrogate, chain: Floats) -> float:
+    """How far a single shape number's mean and sd are from those of the density summed over a grid, in sds."""
+    grid = np.linspace(surrogate.low[0], surrogate.high[0], GRID)
+    weight = np.exp((density := surrogate.log_density(grid[:, None])) - density.max())
+    weight /= weight.sum()
+    mean = float(weight @ grid)
+    sd = float(np.sqrt(weight @ (grid - mean) ** 2))
+    return max(abs(float(chain.mean()) - mean) / sd, abs(float(chain.std()) / sd - 1.0))
 
 
 def _moves(dimensions: int) -> list[tuple[Any, float]]:

@@ -1,0 +1,94 @@
+"""The whole run on a 24-megapixel raw photograph beside what a raw converter needs to develop it.
+
+python -m tests.benchmarks.whole     prints the figure; `make bench` calls `main()`
+
+A ball two thirds of the frame high, fitted with every default model and written without a page, against rawpy opening
+and postprocessing the same file with its defaults, in turn, imports left out; wall-clock seconds, the best of each.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from synthetic.camera import GOOD_CAMERA, exposure_for
+from synthetic.materials import material
+from synthetic.photograph import photograph
+from synthetic.render import render
+from synthetic.scenes import direction
+from toolkit.geometry.lights import DirectionalLight
+from toolkit.records import Camera, Scene, Sphere
+
+WIDTH_PX, HEIGHT_PX = 6000, 4000
+TARGET, REPEATS = 1.0, 3
+
+
+def shoot(path: Path) -> None:
+    """The photograph, and its scene file beside it."""
+    light = DirectionalLight(direction=direction(35.0, 20.0), irradiance=(3.0, 3.0, 3.0), direction_sd_deg=0.3)
+    sphere = Sphere(
+        centre_px=(2990.3, 2010.8), radius_px=HEIGHT_PX / 3, covariance_px2=np.eye(3) * 0.04, source="given"
+    )
+    scene = Scene(camera=Camera(), sphere=sphere, lights=(light,), scale="absolute")
+    glossy = material(
+        "torrance-sparrow", {"roughness_rad": 0.12, "diffuse_albedo": (0.45, 0.2, 0.08), "specular_f0": 0.04}
+    )
+    picture = render(scene, glossy, width_px=WIDTH_PX, height_px=HEIGHT_PX, supersample=1)
+    exposure = exposure_for(picture, highlight=0.8)
+    photograph(picture, scene, glossy, GOOD_CAMERA, format="dng", exposure=exposure, seed=0, path=path)
+
+
+def ours(path: Path, out: Path) -> None:
+    """Settings, fit, result files and the object that --json prints."""
+    from pipelines.fit_material import fit_material
+    from pipelines.layers import resolve
+    from pipelines.report.result import result_object, result_text
+    from pipelines.report.write import write_outputs
+
+    settings = resolve(path)
+    report = fit_material(path, settings)
+    write_outputs(report, out, settings, page=False)
+    result_text(result_object(report, settings))
+
+
+def theirs(path: Path) -> None:
+    """What `rawpy` needs to open and develop it."""
+    import rawpy
+
+    with rawpy.imread(str(path)) as raw:
+        raw.postprocess()
+
+
+def seconds(action: Callable[[], object]) -> float:
+    """Wall-clock seconds."""
+    begin = time.perf_counter()
+    action()
+    return time.perf_counter() - begin
+
+
+def main() -> list[dict[str, Any]]:
+    """Print the figure; a row of name, figure, target, met."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ball.dng"
+        shoot(path)
+        ours(path, Path(folder) / "warm"), theirs(path)
+        pairs = [
+            (seconds(lambda i=i: ours(path, Path(folder) / f"{i}")), seconds(lambda: theirs(path)))
+            for i in range(REPEATS)
+        ]
+    ratio = min(mine for mine, _ in pairs) / min(converter for _, converter in pairs)
+    name = "whole run on 24 megapixels, x rawpy's opening and developing"
+    for mine, converter in pairs:
+        sys.stdout.write(f"whole run {mine:.2f} s, rawpy {converter:.2f} s\n")
+    sys.stdout.write(f"{name:66} {ratio:10.3g}  asked {TARGET:g}  {ratio <= TARGET}\n")
+    return [{"name": name, "figure": ratio, "target": TARGET, "met": ratio <= TARGET}]
+
+
+if __name__ == "__main__":
+    main()
