@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Sequence
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing, contextmanager
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
@@ -93,13 +96,48 @@ def _all(fit: Job, pairs: Sequence[Pair], tell: Callable[[Pair], None], processe
         return fits
     _job = fit
     try:
-        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-            for pair, found in zip(pairs, pool.map(_run, pairs), strict=True):
+        with closing(_in_forks(pairs, workers)) as all_found:
+            for pair, found in zip(pairs, all_found, strict=True):
                 fits.append(found)
                 tell(pair)
     finally:
         _job = None
     return fits
+
+
+def _in_forks(pairs: Sequence[Pair], workers: int) -> Generator[Fit, None, None]:
+    """Their fits in order, by forks of this process; on an interrupt these end at once instead of with their work."""
+    others = set(multiprocessing.active_children())
+    fork = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent) as pool:
+        try:
+            with _interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
+                found = pool.map(_run, pairs)
+            yield from found
+        except BaseException:
+            for child in set(multiprocessing.active_children()) - others:
+                child.terminate()
+            raise
+
+
+def _leave_interrupts_to_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """An interrupt that comes meanwhile is raised at the end; only the main thread gets any."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if held:
+        raise KeyboardInterrupt
 
 
 ALONE = "FIT_MATERIAL_ONE_PROCESS"  # set where the cores are busy with other photographs
