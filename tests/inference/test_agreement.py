@@ -50,6 +50,19 @@ def test_where_the_lobes_fail_colour_is_preferred_and_the_two_disagree() -> None
     assert grey.agreed.difference is None
 
 
+def test_a_body_of_varying_hue_does_not_pass_for_a_highlight() -> None:
+    """Two degrees of hue from place to place: colour takes it for light, the two disagree, and shape is believed."""
+    truth = glossy("ball", gaussian_lobe(0.05), body=turned_from_white(15.0), peak=0.2)
+    row, column = np.mgrid[:256, :256] / 12.0
+    hue = 1.0 + 0.05 * (np.sin(row) * np.cos(column))[..., None] * np.array([1.0, 0.0, -1.0])
+    values, sd, usable = photograph(truth, SD / 5)
+    found = by_shape(values + truth.diffuse * (hue - 1.0), truth, sd, usable, WITHOUT_TAIL)
+    assert found.agreed.preferred == "shape"
+    assert found.agreed.disagree
+    plain = by_shape(values, truth, sd, usable, WITHOUT_TAIL)
+    assert not plain.agreed.disagree
+
+
 def test_the_light_s_colour_is_that_of_the_residual() -> None:
     """Warm light within 0.3 degrees and within four of its stated sds."""
     truth, found = answer("gaussian", HUE, WARM)

@@ -17,6 +17,7 @@ from toolkit.records import Agreement, ColourLayers, Fit, Floats, ModelLayers
 
 SURE_ANGLE_DEG = 10.0  # between body and light, below which 1 % noise leaves colour a fifth of the highlight
 DISAGREE = 0.1  # of the specular layer's rms: from which the two answers differ
+CONTRADICT = 0.5  # from which no wrong lobe explains the difference, but a hue that varies over the body does
 BLOCK = 4  # pixels across the squares whose means are compared
 LIMB = 0.03  # of the sphere's box: so near to the outline blur and the quads' own size make colours of two places one
 SIGNIFICANT_SDS = 4.0  # of what noise alone makes of their difference
@@ -30,13 +31,13 @@ def agreement(colours: ColourLayers | None, layers: ModelLayers, fit: Fit) -> Ag
     if colours is None or Flag.COLOUR_CANNOT_SEPARATE in colours.flags:
         return Agreement(preferred="shape", reason="colour cannot separate here", difference=None, disagree=False)
     difference, significant = _difference(colours, layers)
-    preferred, reason = _preferred(colours, fit)
+    preferred, reason = _preferred(colours, fit, difference or 0.0)
     heard = significant and not any(flag in colours.flags for flag in NO_GROUND)
     disagree = difference is not None and heard and difference > DISAGREE
     return Agreement(preferred=preferred, reason=reason, difference=difference, disagree=disagree)
 
 
-def _preferred(colours: ColourLayers, fit: Fit) -> tuple[Literal["shape", "colour"], str]:
+def _preferred(colours: ColourLayers, fit: Fit, difference: float) -> tuple[Literal["shape", "colour"], str]:
     if colours.angle_deg < SURE_ANGLE_DEG:
         return (
             "shape",
@@ -44,6 +45,8 @@ def _preferred(colours: ColourLayers, fit: Fit) -> tuple[Literal["shape", "colou
         )
     if any(flag in colours.flags for flag in NO_GROUND):
         return "shape", "the colours show no plain matte line"
+    if difference > CONTRADICT:
+        return "shape", "colour sees a highlight that no lobe leaves room for, as where the body's hue varies"
     if Flag.POOR_FIT in fit.flags:
         return "colour", "the lobes leave residuals far above the noise, and colour needs no lobe"
     return "shape", "the lobes describe the ball, and shape averages over all of it"
