@@ -62,7 +62,7 @@ def balls_in(path: Path, settings: Sequence[Settings]) -> list[Ball]:
     noise = noise_of_settings(first)
     if not known:
         whole = _linear(frame, first, noise, None)
-        known, noise = [detected(whole, camera)[0]], whole.noise
+        known, noise = [detected(whole, camera, first.image.pick_px)[0]], whole.noise
     return [Ball(name=frame.name, lamp=_in_ball(frame, first, noise, sphere, camera)) for sphere in known]
 
 

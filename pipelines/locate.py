@@ -27,7 +27,7 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     if sphere is None:
         whole = linearise(frame, transfer=transfer, noise=noise)
         with exposure_explains(whole):
-            sphere, uncertain = detected(whole, camera)
+            sphere, uncertain = detected(whole, camera, settings.image.pick_px)
         noise = whole.noise
         flags += [Flag.SPHERE_UNCERTAIN] if uncertain else []
     check_sphere(sphere, width, height)
@@ -44,13 +44,14 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     return image, scene, tuple(flags)
 
 
-def detected(whole: LinearImage, camera: Camera) -> tuple[Sphere, bool]:
-    """The ball found in a whole photograph, and whether that is uncertain; raises BadInputError where there is none."""
-    from toolkit.geometry.detect import find_sphere
-    from toolkit.radiometry.quads import quads
+def detected(whole: LinearImage, camera: Camera, pick_px: tuple[float, float] | None) -> tuple[Sphere, bool]:
+    """The largest ball of a whole photograph, or the one around `pick_px`, and whether its outline is uncertain.
 
-    picture = quads(whole)
-    found = find_sphere(picture.values, origin_px=picture.origin_px, step_px=picture.step_px, camera=camera)
+    Raises BadInputError where there is none.
+    """
+    from toolkit.geometry.outline import find_sphere
+
+    found = find_sphere(whole, camera=camera, pick=pick_px)
     return found.sphere, found.uncertain
 
 

@@ -85,9 +85,10 @@ class NoiseTable(Table):
 
 
 class ImageTable(Table):
-    """How the numbers of the file are read; all else is for `render`, which writes them."""
+    """How the file is read and which ball in it is meant; all else is for `render`, which writes it."""
 
     transfer: Literal["srgb"] | None = None  # the curve to undo in 8-bit or encoded files
+    pick_px: Pair | None = None  # a place on the ball to detect, where there are several; omitted: the largest
     width_px: Pixels | None = None
     height_px: Pixels | None = None
     format: Literal["dng", "exr", "png"] | None = None  # omitted: from the output's name
@@ -185,10 +186,19 @@ def _exif_focal_length_px(metadata: Metadata, width_px: int, height_px: int) -> 
 
 
 def sphere_of(settings: Settings) -> Sphere | None:
-    """The sphere as given, its covariance from the given or default sds; None where it is to be detected."""
+    """The sphere as given, its covariance from the given or default sds; None where it is to be detected.
+
+    Raises UsageError where it is given and a ball to detect is picked as well.
+    """
     table = settings.sphere
     if table is None:
         return None
+    if settings.image.pick_px is not None:
+        from toolkit.errors import UsageError
+
+        raise UsageError(
+            "found both a sphere and image.pick_px (--pick), which says what ball to detect; expected one of them"
+        )
     centre_sd_px = DEFAULT_SPHERE_SD_PX if table.centre_sd_px is None else table.centre_sd_px
     radius_sd_px = DEFAULT_SPHERE_SD_PX if table.radius_sd_px is None else table.radius_sd_px
     covariance = np.diag(np.square([centre_sd_px, centre_sd_px, radius_sd_px]))

@@ -50,6 +50,10 @@ class SceneFlags:
             help="Where the sphere's centre projects and its radius, in pixels. Without it the sphere is detected.",
         ),
     ] = None
+    pick: Annotated[
+        str | None,
+        Parameter(group=SCENE, metavar="X,Y", help="A place on the ball to detect, in pixels. [default: the largest]"),
+    ] = None
     set: Annotated[
         Texts, Parameter(group=SCENE, metavar="TABLE.KEY=VALUE", help="Any setting of the scene file. Repeatable.")
     ] = ()
@@ -65,6 +69,8 @@ class SceneFlags:
         if self.sphere is not None:
             x, y, radius = numbers("--sphere", self.sphere, "CX,CY,R")
             yield Layer(name="--sphere", values={"sphere": {"centre_px": [x, y], "radius_px": radius}})
+        if self.pick is not None:
+            yield Layer(name="--pick", values={"image": {"pick_px": numbers("--pick", self.pick, "X,Y")}})
         if self.seed is not None:
             yield Layer(name="--seed", values={"fit": {"seed": self.seed}})
         yield from map(assignment, self.set)

@@ -32,6 +32,9 @@ def light(
             "or one for each photograph. Without it the ball is detected.",
         ),
     ] = (),
+    pick: Annotated[
+        str | None, Parameter(metavar="X,Y", help="A place on the ball to detect, in pixels. [default: the largest]")
+    ] = None,
     scene: Annotated[Path | None, Parameter(metavar="FILE", help="Scene file with camera, sphere, noise.")] = None,
     set: Annotated[Texts, Parameter(metavar="TABLE.KEY=VALUE", help="Any setting. Repeatable.")] = (),  # noqa: A002  # the flag's name
     transfer: Annotated[
@@ -55,7 +58,7 @@ def light(
     from pipelines.lamp import as_object, balls_in, lamp_of, scene_text
 
     for name in images:
-        each = [_settings(Path(name), scene, set, transfer, circle) for circle in circles.get(name) or (None,)]
+        each = [_settings(Path(name), scene, set, transfer, circle, pick) for circle in circles.get(name) or (None,)]
         every += balls_in(Path(name), each)
     lamp = lamp_of(every)
     if out is not None:
@@ -91,7 +94,7 @@ def _shared_out(images: Sequence[str], spheres: Texts) -> dict[str, Texts]:
 
 
 def _settings(
-    image: Path, scene: Path | None, assignments: Texts, transfer: str | None, circle: str | None
+    image: Path, scene: Path | None, assignments: Texts, transfer: str | None, circle: str | None, pick: str | None
 ) -> Settings:
     from pipelines.layers import Layer, assignment, resolve
 
@@ -99,6 +102,8 @@ def _settings(
     if circle is not None:
         x, y, radius = numbers("--sphere", circle, "CX,CY,R")
         flags.append(Layer(name="--sphere", values={"sphere": {"centre_px": [x, y], "radius_px": radius}}))
+    if pick is not None:
+        flags.append(Layer(name="--pick", values={"image": {"pick_px": numbers("--pick", pick, "X,Y")}}))
     return resolve(image, scene=scene, flags=[*flags, *map(assignment, assignments)])
 
 

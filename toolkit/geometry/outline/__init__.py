@@ -1,0 +1,3 @@
+from .find import Found, find_sphere
+
+__all__ = ["Found", "find_sphere"]
