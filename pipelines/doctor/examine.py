@@ -62,7 +62,7 @@ def _what_there_is(frame: RawFrame, settings: Settings) -> tuple[LinearImage | N
 def _ball(frame: RawFrame, whole: LinearImage, settings: Settings) -> tuple[Camera, Sphere]:
     camera = camera_of(settings, width_px=whole.width_px, height_px=whole.height_px, metadata=frame.metadata)
     sphere = sphere_of(settings)
-    return camera, detected(whole, camera)[0] if sphere is None else sphere
+    return camera, detected(whole, camera, settings.image.pick_px)[0] if sphere is None else sphere
 
 
 def _linear(frame: RawFrame, settings: Settings, box: tuple[int, int, int, int] | None = None) -> LinearImage:
