@@ -21,6 +21,7 @@ SMALL_SHARE = 0.35  # of the frame: a ball that could be larger without a better
 BACKGROUND, STRAY = 0.25, 0.04  # shares of the body's brightness
 FRONT_DEG, SIDE_DEG = 10.0, 75.0
 GOOD_DEG = "20 to 60 degrees off the line from ball to camera"
+BLOWN, DARK = 0.5, 0.02  # share of the frame that clips, and of white that its brightest reaches, where no ball shows
 CHANNELS = ("red", "green", "blue")
 
 
@@ -56,18 +57,35 @@ def _file(found: Examination) -> Iterator[Advice]:
 
 
 def _ball(found: Examination) -> Iterator[Advice]:
-    if found.scene is None and found.image is not None:
-        yield Advice(
-            do="Give the outline, --sphere CX,CY,R, or photograph the whole ball against an even, darker background",
-            because="no ball was found in the frame: the picture shows what was looked at",
-            serious=True,
-        )
+    if found.scene is None and found.exposure is not None:
+        yield _no_ball(found.exposure)
     elif Flag.SPHERE_UNCERTAIN in found.flags:
         yield Advice(
             do="Check the outline in the picture; where it is off give --sphere CX,CY,R",
             because="the ball's limb is faint or partly hidden, and its outline was found with poor certainty",
             serious=True,
         )
+
+
+def _no_ball(exposure: Exposure) -> Advice:
+    """What most likely hides it."""
+    if float(exposure.clipped_share.max()) > BLOWN:
+        return Advice(
+            do="Expose much less",
+            because=f"{100 * exposure.clipped_share.max():.0f} % of the frame are clipped, and no ball shows in it",
+            serious=True,
+        )
+    if exposure.headroom_stops is not None and float(exposure.peak.max()) < DARK:
+        return Advice(
+            do="Light the ball: check lamp and lens cap, expose longer",
+            because=f"the brightest of the frame reaches {100 * exposure.peak.max():.2g} % of white, and no ball shows",
+            serious=True,
+        )
+    return Advice(
+        do="Give the outline, --sphere CX,CY,R, or photograph the whole ball against an even, darker background",
+        because="no ball was found in the frame: the picture shows what was looked at",
+        serious=True,
+    )
 
 
 def _exposure(found: Examination, exposure: Exposure) -> Iterator[Advice]:
@@ -119,7 +137,9 @@ def _noise(found: Examination, exposure: Exposure) -> Iterator[Advice]:
             do="Give more light: a brighter or nearer lamp, a longer exposure, base ISO"
             + (f" (this was ISO {iso:g})" if iso and iso > 200 else "")
             + ", or average several frames",
-            because=f"one sample of the body stands only {digits(snr, 2)} times above its noise",
+            because=f"one sample of the body stands only {digits(snr, 2)} times above its noise"
+            if snr > 1.0
+            else "the body is no brighter than the noise: a black or a mirror ball, or far too little light",
             serious=snr < LEAST_SNR,
         )
     if found.image is not None and found.image.noise.source == "estimated" and found.noise_sd is None:

@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import on_sphere
+from toolkit.radiometry.quads import quads
 from toolkit.records import Floats, LinearImage, Plane, Scene
 
 from .records import Exposure
 from .samples import Ball
 
-BRIGHTEST = 10  # samples that must reach a level for it to be the peak, or so many in a hundred thousand
+ALONE = 4.0  # times above all that is beside it: a hot pixel
 WIDTHS_RAD = np.geomspace(0.01, 0.5, 40)  # of highlights tried
-REACH_RAD = 0.5  # about a clipped core's border: what is looked at to tell its height
+REACH, REACH_RAD = 2.5, 0.06  # of a clipped core's radius, and beyond: its flanks, before the body's shading weighs
 CORE_RAD = 0.45  # of a clipped region's radius: a larger one is body, and hides its highlight
 AT_TOP = 0.97  # of a channel's greatest value: clipped in that channel
 MOST_STOPS = 6.0  # beyond it what is left tells nothing
@@ -24,7 +25,7 @@ FEWEST, MOST = 50, 6000  # pixels that a height is told from
 def exposure_of(image: LinearImage, scene: Scene | None, ball: Ball | None) -> Exposure:
     """Of the ball where there is one, else of the frame."""
     values = [_values(image, scene, channel) for channel in range(3)]
-    peak = np.array([_brightest(samples) for samples, _ in values])
+    peak = _peak(image, scene)
     body = _body(values, ball)
     noise = [float(np.sqrt(image.noise.variance(np.asarray(body[c]), c))) for c in range(3)]
     ceiling = np.isfinite(image.white)
@@ -65,12 +66,25 @@ def _of_plane(plane: Plane, scene: Scene | None) -> tuple[Floats, NDArray[np.uin
     return plane.values[on], plane.flags[on]
 
 
-def _brightest(values: Floats) -> float:
-    """What more than a few samples reach: not one hot pixel."""
-    if not values.size:
-        return 0.0
-    count = min(max(BRIGHTEST, values.size // 100_000), values.size)
-    return float(np.partition(values, values.size - count)[values.size - count])
+def _peak(image: LinearImage, scene: Scene | None) -> Floats:
+    """The brightest of each channel (3,): of a small highlight, too, but not a hot pixel.
+
+    A sample is hot that stands alone: far above its neighbours in its own plane and above the other channels there.
+    """
+    import cv2
+
+    picture = quads(image)
+    values = np.where((picture.flags & SampleFlag.INVALID)[..., None] > 0, np.float32(0.0), picture.values)
+    ring = np.ones((3, 3), np.uint8)
+    ring[1, 1] = 0
+    beside = cv2.dilate(values, ring)
+    others = np.stack([np.max(np.delete(values, channel, axis=2), axis=2) for channel in range(3)], axis=2)
+    counts = values <= ALONE * np.maximum(np.maximum(beside, others), 0.0)
+    if scene is not None:
+        x = picture.origin_px[0] + picture.step_px * np.arange(values.shape[1])
+        y = picture.origin_px[1] + picture.step_px * np.arange(values.shape[0])
+        counts &= on_sphere(scene.camera, scene.sphere, x[None, :], y[:, None])[..., None]
+    return np.asarray(np.where(counts, values, 0.0).max(axis=(0, 1)), float)
 
 
 def _body(values: list[tuple[Floats, NDArray[np.bool_]]], ball: Ball | None) -> Floats:
@@ -103,7 +117,7 @@ def _top(ball: Ball, channel: int) -> tuple[float, bool]:
     angle = np.arccos(np.clip(ball.normal @ middle, -1.0, 1.0))
     radius = float(np.quantile(angle[clipped], 0.9))
     core = radius < CORE_RAD
-    use = np.flatnonzero(~clipped & (ball.cosine > 0.05) & ((angle < radius + REACH_RAD) if core else True))
+    use = np.flatnonzero(~clipped & (ball.cosine > 0.05) & ((angle < REACH * radius + REACH_RAD) if core else True))
     if len(use) < FEWEST:
         return 0.0, True
     use = use[:: max(len(use) // MOST, 1)]

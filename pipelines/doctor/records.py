@@ -15,7 +15,7 @@ Direction = tuple[float, float, float]
 class Exposure:
     """How the ball, or where there is none the frame, fills the range; (3,) by channel, image units.
 
-    `body` is the median of what is lit, `peak` what the brightest ten or so samples reach, `snr` that of one sample at
+    `body` is the median of what is lit, `peak` the brightest, hot pixels left out, `snr` that of one sample at
     `body`; `lost_stops` how far the brightest lies above white, as what is not clipped tells, None where nothing is;
     `lost_at_least` where it may be much more.
     """

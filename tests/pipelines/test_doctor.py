@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 from pipelines.cli import main
+from pipelines.doctor.exposure import exposure_of
 from pipelines.doctor.picture import OUTLINE
+from tests.realdata import folder
 from toolkit.geometry.project import limb_px
 from toolkit.records import Camera, Sphere
 
@@ -253,6 +255,37 @@ def test_where_no_ball_is_found_the_rest_is_told(run: Run) -> None:
     assert "no ball was found in it" in Path("wall.doctor/wall.doctor.html").read_text()
 
 
+@pytest.mark.parametrize(("level", "words"), [(150, "check lamp and lens cap"), (65535, "Expose much less")])
+def test_a_black_or_blown_frame_is_told_so(run: Run, level: int, words: str) -> None:
+    """Rather than asked for the outline of what nobody sees."""
+    import cv2
+
+    frame = np.full((120, 160, 3), level, np.uint16)
+    frame[::7, ::5] -= 20
+    cv2.imwrite("frame.png", frame)
+    code, out, _ = run("doctor", "frame.png", "--no-report", "--json")
+    (advice,) = [one for one in json.loads(out)["advice"] if one["serious"]]
+    assert code == 3
+    assert words in advice["do"]
+
+
+def test_a_small_highlight_is_the_peak_and_a_hot_pixel_is_not() -> None:
+    """One pixel bright in all channels counts; one channel's sample that stands alone does not."""
+    from toolkit.records import LinearImage, Noise, Plane
+
+    noise = Noise(gain=np.full(3, 1e-4), read=np.full(3, 1e-3), source="given")
+    values = np.full((3, 40, 40), 0.05, np.float32)
+    values[1, 10, 10] = 0.95  # hot
+    for highlight, peak in ((0.05, 0.05), (0.6, 0.6)):
+        values[:, 30, 20] = highlight
+        planes = tuple(
+            Plane(channel=c, values=values[c].copy(), flags=np.zeros((40, 40), np.uint8), origin_px=(0, 0), step_px=1)
+            for c in range(3)
+        )
+        image = LinearImage(name="", sha256="", width_px=40, height_px=40, planes=planes, noise=noise, white=1.0)
+        np.testing.assert_allclose(exposure_of(image, None, None).peak, peak, rtol=1e-6)
+
+
 def test_an_encoded_file_is_told_what_it_lacks(run: Run) -> None:
     """8-bit without --transfer: exit 2 as of a fit, the file's facts, the advice; no picture, but a page."""
     import cv2
@@ -297,3 +330,30 @@ def test_names_from_outside_are_text_on_the_page(run: Run) -> None:
     (page,) = Path("o").glob("*.html")
     assert "<img src=x" not in page.read_text()
     assert "&lt;img src=x" in page.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [3, 22, 47])
+def test_a_real_ball_is_examined(run: Run, index: int) -> None:
+    """Its clipped highlight is told with a height, its light to 1.5 degrees, and the highlight seen where it is."""
+    place = folder("diligent_ball")
+    name = (place / "filenames.txt").read_text().split()[index]
+    code, out, _ = run("doctor", str(place / name), "--no-report", "--json")
+    told = json.loads(out)
+    truth = np.loadtxt(place / "light_directions.txt")[index]
+    assert code == 0
+    assert 0.0 < told["exposure"]["lost_stops"] < 5.0
+    assert np.degrees(np.arccos(np.dot(told["light"]["direction"], truth / np.linalg.norm(truth)))) < 2.0
+    assert told["light"]["apart_deg"] < told["light"]["tolerance_deg"]
+    assert _advised(told, "stops less")
+    assert _advised(told, "Make the ball larger")
+
+
+def test_a_chart_is_no_ball(run: Run) -> None:
+    """A camera's raw without a ball: exit 3, and what was read all the same."""
+    code, out, _ = run("doctor", str(folder("raw") / "colorchart.dng"), "--no-report", "--json")
+    told = json.loads(out)
+    assert code == 3
+    assert (told["image"]["mosaic"], told["image"]["format"], told["sphere"]) == (True, "raw", None)
+    assert told["noise"]["source"] == "estimated"
+    assert _advised(told, "--sphere CX,CY,R")
