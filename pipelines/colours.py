@@ -12,7 +12,7 @@ from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import Quads
-from toolkit.records import ColourLayers, Fit, LinearImage, ModelLayers, Scene, Sphere
+from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, ModelLayers, Reference, Scene, Sphere
 
 from .settings import Settings
 
@@ -20,14 +20,23 @@ if TYPE_CHECKING:
     from toolkit.separation import Illuminant
 
 RIM = 2.0  # quads inside the outline: half a quad, and the blur of a lens
+CHART_SD_DEG = 1.0  # the greys of a printed chart differ by as much
 
 
 def separate_colours(
-    image: LinearImage, picture: Quads, scene: Scene, settings: Settings, fit: Fit
+    image: LinearImage,
+    picture: Quads,
+    scene: Scene,
+    settings: Settings,
+    fit: Fit,
+    *,
+    reference: Reference | None = None,
+    colour: CameraColour | None = None,
 ) -> ColourLayers | None:
     """What colour alone separates; None where that is not asked for, or the photograph's colours cannot tell.
 
-    The light's colour is the given one, else what `fit` leaves as highlight, else the colours' own best guess.
+    The light's colour is the given one, a card's or a chart's, else what `fit` leaves as highlight, else the colours'
+    own best guess.
     """
     if settings.separation.method == "none":
         return None
@@ -46,7 +55,7 @@ def separate_colours(
         light = best_illuminant(
             picture.values,
             **seen,
-            known=_known_illuminants(scene, settings, fit),
+            known=_known_illuminants(scene, settings, fit, reference, colour),
             camera_white=np.array(white) if len(white) == 3 else None,
         )
         return separate(
@@ -69,16 +78,24 @@ def _inside(sphere: Sphere, image: LinearImage) -> Sphere:
     return replace(sphere, radius_px=sphere.radius_px - RIM * image.planes[0].step_px) if apart else sphere
 
 
-def _known_illuminants(scene: Scene, settings: Settings, fit: Fit) -> list[Illuminant]:
-    """The light's colour where the settings, a known irradiance or the known shape tell it."""
+def _known_illuminants(
+    scene: Scene, settings: Settings, fit: Fit, reference: Reference | None, colour: CameraColour | None
+) -> list[Illuminant]:
+    """The light's colour where the settings, a card, a chart, a known irradiance or the known shape tell it."""
     from toolkit.inference.light_colour import light_colour
-    from toolkit.separation import illuminant
+    from toolkit.separation import CARD_SD_DEG, illuminant
 
-    given = settings.separation.illuminant or (scene.lights[0].irradiance if scene.scale == "absolute" else None)
-    if given is not None:
-        return [illuminant(np.array(given), sd_deg=0.0, source="given")]
-    shown = light_colour(fit)
-    return [] if shown is None else [shown]
+    found = []
+    if settings.separation.illuminant is not None:
+        found.append(illuminant(np.array(settings.separation.illuminant), sd_deg=0.0, source="given"))
+    if reference is not None:
+        found.append(illuminant(reference.irradiance, sd_deg=CARD_SD_DEG, source="card", reason="the grey card"))
+    elif scene.scale == "absolute":
+        found.append(illuminant(np.array(scene.lights[0].irradiance), sd_deg=0.0, source="given"))
+    if colour is not None and colour.white is not None:
+        found.append(illuminant(colour.white, sd_deg=CHART_SD_DEG, source="card", reason="the colour chart's greys"))
+    shown = None if found else light_colour(fit)
+    return found if shown is None else [shown]
 
 
 def usable_samples(image: LinearImage) -> NDArray[np.bool_]:

@@ -49,6 +49,7 @@ def fit_jointly(
     from .candidates import fit_models
     from .colours import layers_of_fit, separate_colours
     from .quality import quality_flags
+    from .srgb import colour_of
 
     with clock.stage("fit"):
         fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
@@ -57,11 +58,14 @@ def fit_jointly(
     for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
         mine = of_photograph(fits[best], v)
         with clock.stage("separate"):
-            separation = separate_colours(one.image, picture, one.scene, own, mine)
+            separation = separate_colours(
+                one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
+            )
+            colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
         with clock.stage("layers"):
             layers = layers_of_fit(one.image, picture, mine)
             agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
-            full = replace(one, separation=separation, layers=layers, agreement=agreed)
+            full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
         seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
@@ -75,6 +79,8 @@ def fit_jointly(
         layers=seen[0].layers,
         flags=tuple(dict.fromkeys(flag for one in seen for flag in one.flags)),
         seconds=clock.seconds,
+        reference=seen[0].reference,
+        colour=seen[0].colour,
         photographs=tuple(seen) if len(seen) > 1 else (),
     )
 
@@ -89,8 +95,10 @@ def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Qua
         from toolkit.radiometry.quads import quads
 
         from .locate import locate
+        from .srgb import chart_of
 
         with clock.stage("locate"):
-            image, scene, found = locate(frame, settings)
+            image, scene, reference, found = locate(frame, settings, path.parent)
+            chart = chart_of(frame, path, settings)
             picture = quads(image)
-    return Photograph(image=image, scene=scene, flags=found), picture
+    return Photograph(image=image, scene=scene, flags=found, reference=reference, colour=chart), picture

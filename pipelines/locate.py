@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import bounding_box
-from toolkit.records import Camera, LinearImage, RawFrame, Scene, Sphere
+from toolkit.records import Camera, LinearImage, RawFrame, Reference, Scene, Sphere
 
 from .checks import check_lights, check_sphere
 from .exposure import check_exposure, exposure_explains
+from .reference import lit_by_reference
 from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
 
+SMOOTH_SHARE = 0.95  # of the radius: what lies within is the ball, smooth but for its noise
 ESTIMATED_LIGHT_SD_DEG = 3.0  # at least, of a light read off its own highlight
 
 
-def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tuple[str, ...]]:
-    """The sphere's part of the photograph in linear units, the scene, and what was estimated on the way."""
+class Located(NamedTuple):
+    """Where everything is, and what of it was estimated."""
+
+    image: LinearImage  # the sphere's part of the photograph
+    scene: Scene
+    reference: Reference | None
+    flags: tuple[str, ...]
+
+
+def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Located:
+    """The sphere's part of the photograph in linear units, and the scene.
+
+    `folder` is where files that the settings name are looked for: the photograph's.
+    """
     from toolkit.radiometry.linearise import linearise
 
     height, width = frame.values.shape[:2]
@@ -28,7 +43,6 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
         whole = linearise(frame, transfer=transfer, noise=noise)
         with exposure_explains(whole):
             sphere, uncertain = detected(whole, camera, settings.image.pick_px)
-        noise = whole.noise
         flags += [Flag.SPHERE_UNCERTAIN] if uncertain else []
     check_sphere(sphere, width, height)
     lights = lights_of(settings)
@@ -36,12 +50,20 @@ def locate(frame: RawFrame, settings: Settings) -> tuple[LinearImage, Scene, tup
     scale: Literal["absolute", "relative"] = "absolute" if known else "relative"
     scene = Scene(camera=camera, sphere=sphere, lights=lights, scale=scale)
     check_lights(scene)
-    image = linearise(frame, box=bounding_box(scene, width, height), transfer=transfer, noise=noise)
+    image = linearise(
+        frame, box=bounding_box(scene, width, height), transfer=transfer, noise=noise, disc=_smooth_disc(sphere)
+    )
     check_exposure(image, scene)
     if not lights:
         scene = _estimate_light(image, scene)
         flags.append(Flag.LIGHT_ESTIMATED)
-    return image, scene, tuple(flags)
+    scene, reference = lit_by_reference(scene, image, frame, settings, folder)
+    return Located(image, scene, reference, tuple(flags))
+
+
+def _smooth_disc(sphere: Sphere) -> tuple[float, float, float]:
+    """Within the outline, whatever its error and a perspective's bulge."""
+    return *sphere.centre_px, SMOOTH_SHARE * sphere.radius_px
 
 
 def detected(whole: LinearImage, camera: Camera, pick_px: tuple[float, float] | None) -> tuple[Sphere, bool]:

@@ -17,6 +17,7 @@ from toolkit.records import Camera, Metadata, Noise, Projection, Sphere
 
 DEFAULT_MODELS = ("torrance-sparrow", "phong", "blinn-phong", "beckmann", "ggx")
 DEFAULT_SPHERE_SD_PX = 0.5  # how well a given centre and radius are known where nothing is said
+DEFAULT_GREY_SD = 0.03  # relative, of a card's reflectance: what good cards state
 FULL_FRAME_DIAGONAL_MM = 43.27  # 24 mm x 36 mm: what "35 mm equivalent" refers to (CIPA DC-008)
 
 
@@ -27,6 +28,12 @@ def _three(value: object) -> tuple[object, ...]:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return (value,) * 3
     raise ValueError("expected a number, or three")
+
+
+def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(value):
+        raise ValueError("expected a direction, not all 0")
+    return value
 
 
 def _known_lobe(kind: Literal["diffuse", "specular"]) -> AfterValidator:
@@ -46,8 +53,10 @@ def _known_lobe(kind: Literal["diffuse", "specular"]) -> AfterValidator:
 Pair = tuple[float, float]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, le=1)]
 PositiveColour = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
 Colour = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(_three)]
+Reflectance = Annotated[tuple[Share, Share, Share], BeforeValidator(_three)]
 Pixels = Annotated[int, Field(ge=16, le=65535)]
 SpecularModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("specular")]
 DiffuseModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("diffuse")]
@@ -113,6 +122,28 @@ class SeparationTable(Table):
     illuminant: PositiveColour | None = None  # the light's colour in camera RGB; omitted: found
 
 
+class ReferenceTable(Table):
+    """A card of known reflectance, in the ball's photograph or in one of its own: turns relative into absolute."""
+
+    grey: Reflectance
+    grey_sd: NotNegative | None = None  # of the stated reflectance; omitted: 3 % of it
+    box_px: tuple[int, int, Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]]  # x, y, width, height
+    file: Annotated[str, Field(min_length=1, max_length=4096)] | None = None  # beside the photograph, or a full path
+    normal: Annotated[tuple[float, float, float], AfterValidator(_direction)] = (0.0, 0.0, 1.0)
+    normal_sd_deg: NotNegative = 2.0
+
+    @property
+    def relative_sd(self) -> float:
+        """Relative sd of the stated reflectance."""
+        return DEFAULT_GREY_SD if self.grey_sd is None else self.grey_sd / (sum(self.grey) / 3)
+
+
+class ColourTable(Table):
+    """How the camera's colours become sRGB: by a chart, else by the file's own matrices."""
+
+    chart: Annotated[str, Field(min_length=1, max_length=4096)] | None = None  # its photograph; may be the ball's
+
+
 class FitTable(Table):
     """What is fitted, what is taken as exactly known, and how long the posterior is sampled."""
 
@@ -134,6 +165,8 @@ class Settings(Table):
     noise: NoiseTable | None = None
     image: ImageTable = ImageTable()
     material: MaterialTable | None = None
+    reference: ReferenceTable | None = None
+    colour: ColourTable = ColourTable()
     separation: SeparationTable = SeparationTable()
     fit: FitTable = FitTable()
 

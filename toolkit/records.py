@@ -43,6 +43,10 @@ class Metadata:
     focal_plane_resolution_px_per_mm: float | None = None
     noise_profile: tuple[tuple[float, float], ...] = ()  # DNG: variance = scale * signal + offset, signal in 0..1
     xyz_to_camera: tuple[tuple[float, float, float], ...] = ()  # DNG ColorMatrix1
+    xyz_to_camera_2: tuple[tuple[float, float, float], ...] = ()  # DNG ColorMatrix2
+    forward_matrix: tuple[tuple[float, float, float], ...] = ()  # DNG ForwardMatrix1: balanced camera to XYZ under D50
+    forward_matrix_2: tuple[tuple[float, float, float], ...] = ()
+    calibration_illuminants: tuple[int, ...] = ()  # EXIF LightSource of the first and the second matrix
     as_shot_neutral: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()  # what could not be read, and why
 
@@ -78,6 +82,8 @@ class Noise:
     gain: Floats  # (3,)
     read: Floats  # (3,)
     source: Literal["given", "noise_profile", "estimated"]
+    gain_sd: Floats | None = None  # (3,) standard errors, where estimated
+    read_sd: Floats | None = None
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -174,6 +180,39 @@ class Scene:
     lights: tuple[Light, ...]
     light_source: Literal["given", "estimated"] = "given"
     scale: Literal["absolute", "relative"] = "relative"
+    irradiance_covariance: Floats | None = None  # (3, 3), relative; None: exactly as given, or not known at all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reference:
+    """A card of known reflectance and what it told: (3,) each; radiance and irradiance in the ball's image units."""
+
+    grey: Floats
+    box_px: tuple[int, int, int, int]
+    file: str | None  # its own photograph; None: in the ball's
+    normal: tuple[float, float, float]
+    radiance: Floats
+    irradiance: Floats
+    irradiance_sd: Floats
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CameraColour:
+    """`to_srgb` (3, 3) takes reflectances in camera channels to linear sRGB; white, (1, 1, 1), stays white.
+
+    `delta_e` is the mean CIEDE2000 of a chart's patches, each by the matrix of the others; None without a chart.
+    """
+
+    to_srgb: Floats
+    source: Literal["forward-matrix", "colour-matrix", "chart"]
+    delta_e: float | None = None
+    white: Floats | None = None  # (3,) the light's colour that the chart's greys show, radiance of a perfect white
+
+    def __post_init__(self) -> None:
+        readonly(self)
 
 
 def scale_of(scenes: Sequence[Scene]) -> Literal["absolute", "relative"]:
@@ -321,6 +360,8 @@ class Photograph:
     separation: ColourLayers | None = None
     layers: ModelLayers | None = None
     agreement: Agreement | None = None  # None where separation by colour was not asked for
+    reference: Reference | None = None
+    colour: CameraColour | None = None  # None: the camera's colours are not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -340,6 +381,8 @@ class MaterialReport:
     layers: ModelLayers | None
     flags: tuple[str, ...]
     seconds: Mapping[str, float]  # by stage
+    reference: Reference | None = None
+    colour: CameraColour | None = None  # None: the camera's colours are not known
     photographs: tuple[Photograph, ...] = ()  # all of a joint fit, in order; empty where there is one
 
     @property

@@ -54,6 +54,25 @@ class SceneFlags:
         str | None,
         Parameter(group=SCENE, metavar="X,Y", help="A place on the ball to detect, in pixels. [default: the largest]"),
     ] = None
+    reference: Annotated[
+        str | None,
+        Parameter(
+            group=SCENE,
+            metavar="grey=R@X,Y,W,H[:FILE]",
+            allow_leading_hyphen=True,
+            help="A card of reflectance R at the rectangle X,Y,W,H (pixels) of the photograph, or of FILE, its own "
+            "photograph in the ball's place: albedos become absolute. It faces the camera, or reference.normal.",
+        ),
+    ] = None
+    chart: Annotated[
+        Path | None,
+        Parameter(
+            group=SCENE,
+            metavar="FILE",
+            help="Photograph of a 24-patch colour chart in the same light, or the ball's own: sRGB by the chart "
+            "instead of the file's matrices.",
+        ),
+    ] = None
     set: Annotated[
         Texts, Parameter(group=SCENE, metavar="TABLE.KEY=VALUE", help="Any setting of the scene file. Repeatable.")
     ] = ()
@@ -71,6 +90,10 @@ class SceneFlags:
             yield Layer(name="--sphere", values={"sphere": {"centre_px": [x, y], "radius_px": radius}})
         if self.pick is not None:
             yield Layer(name="--pick", values={"image": {"pick_px": numbers("--pick", self.pick, "X,Y")}})
+        if self.reference is not None:
+            yield Layer(name="--reference", values={"reference": _reference(self.reference)})
+        if self.chart is not None:
+            yield Layer(name="--chart", values={"colour": {"chart": str(self.chart.absolute())}})
         if self.seed is not None:
             yield Layer(name="--seed", values={"fit": {"seed": self.seed}})
         yield from map(assignment, self.set)
@@ -156,6 +179,20 @@ class TalkFlags:
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], group=OUTPUT, help="Errors and JSON only.")] = False
     verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], group=OUTPUT, help="Tell of each stage.")] = False
     debug: Annotated[bool, Parameter(group=OUTPUT, help="Show the traceback of an error.")] = False
+
+
+def _reference(text: str) -> dict[str, object]:
+    """`grey=0.18@1200,800,150,150:card.dng` as the table; raises UsageError on another form."""
+    stated, at, rest = text.partition("@")
+    place, colon, file = rest.partition(":")
+    name, equals, grey = stated.partition("=")
+    if name != "grey" or not (equals and at and grey) or (colon and not file):
+        raise UsageError(f"--reference: found {text!r}; expected grey=0.18@X,Y,W,H or grey=0.18@X,Y,W,H:card.dng")
+    form = "R,G,B" if "," in grey else "R"
+    reflectance = numbers("--reference", grey, form)
+    box = [int(value) if value.is_integer() else value for value in numbers("--reference", place, "X,Y,W,H")]
+    table: dict[str, object] = {"grey": reflectance if len(reflectance) == 3 else reflectance[0], "box_px": box}
+    return {**table, "file": str(Path(file).absolute())} if file else table
 
 
 def numbers(flag: str, text: str, form: str) -> list[float]:

@@ -38,7 +38,7 @@ def examine(path: Path, settings: Settings) -> Examination:
     scene: Scene | None = None
     flags: tuple[str, ...] = ()
     try:
-        image, scene, flags = locate(frame, settings)
+        image, scene, _, flags = locate(frame, settings, path.parent)
     except FitMaterialError as stopped:
         error = stopped
         image, scene = _what_there_is(frame, settings)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.export.colour import reflectance_matrix
 from pipelines.report.figures.shrink import shrunk
 from pipelines.report.figures.tone import BRIGHT_BODY, Tone
 from toolkit.flags import SampleFlag
 from toolkit.geometry.project import limb_px
+from toolkit.radiometry.colour import camera_colour
 from toolkit.radiometry.quads import Quads
 from toolkit.records import Floats, Metadata, readonly
 
@@ -86,13 +86,14 @@ def png_bytes(picture: Drawn) -> bytes:
 def _tone(found: Examination, whole: Quads) -> Tone:
     """White balance as shot; bright parts of the ball, or of the frame, well exposed."""
     metadata = found.frame.metadata
-    to_srgb = reflectance_matrix(metadata)
-    matrix = (np.eye(3) if to_srgb is None else to_srgb) / _neutral(metadata)
+    neutral = _neutral(metadata)
+    colour = camera_colour(metadata, light=neutral)
+    matrix = (np.eye(3) if colour is None else colour.to_srgb) / neutral
     body = whole.values[:: max(len(whole.values) // 400, 1), :: max(len(whole.values) // 400, 1)].reshape(-1, 3)
     bright = float(np.percentile((body @ matrix.T).max(axis=1), 99))
     if found.exposure is not None and found.exposure.of == "ball":
         bright = 1.3 * float((matrix @ found.exposure.body).max())
-    return Tone(matrix=matrix * (BRIGHT_BODY / bright if bright > 0.0 else 1.0), in_srgb=to_srgb is not None)
+    return Tone(matrix=matrix * (BRIGHT_BODY / bright if bright > 0.0 else 1.0), in_srgb=colour is not None)
 
 
 def _neutral(metadata: Metadata) -> Floats:

@@ -10,7 +10,6 @@ import numpy as np
 from toolkit.records import Fit, Floats, MaterialReport, readonly
 from toolkit.reflectance import LOBES
 
-from .colour import reflectance_matrix
 from .equivalent import Equivalent, equivalents
 
 METAL_F0 = 0.15  # no common dielectric reflects as much (diamond 0.17)
@@ -58,7 +57,7 @@ def material_of(report: MaterialReport) -> Material:
     fit = report.fits[report.best]
     half_angle_rad, schlick = _highlight(fit)
     near = _equivalents(fit, half_angle_rad)
-    diffuse, f0, notes = _scaled(report, *_colours(fit, near["ggx"].gain, schlick))
+    diffuse, f0, notes = _scaled(report, *_balanced(report, *_colours(fit, near["ggx"].gain, schlick)))
     metal = bool(diffuse.max() < METAL_BODY and f0.mean() > METAL_F0)
     diffuse, f0, space, about = _in_srgb(report, diffuse, f0)
     return Material(
@@ -116,6 +115,15 @@ def _colour(value: object) -> Floats:
     return np.broadcast_to(np.asarray(value, float), (3,)).copy()
 
 
+def _balanced(
+    report: MaterialReport, diffuse: Floats, f0: Floats, notes: tuple[str, ...]
+) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """Where no irradiance was given the light's colour is still in both; it is divided out."""
+    from pipelines.srgb import neutralised
+
+    return neutralised(report, diffuse), neutralised(report, f0), notes
+
+
 def _scaled(
     report: MaterialReport, diffuse: Floats, f0: Floats, notes: tuple[str, ...]
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -130,12 +138,12 @@ def _scaled(
 
 
 def _in_srgb(report: MaterialReport, diffuse: Floats, f0: Floats) -> tuple[Floats, Floats, str, str]:
-    matrix = reflectance_matrix(report.image.metadata)
-    if matrix is None:
+    if report.colour is None:
         about = "colours are the camera's own red, green and blue: the file carries no colour matrix"
         return np.clip(diffuse, 0, 1), np.clip(f0, 0, 1), "camera RGB", about
-    body, gloss = matrix @ diffuse, matrix @ f0
-    about = "colours are linear sRGB, from the camera's by the file's colour matrix"
+    body, gloss = report.colour.to_srgb @ diffuse, report.colour.to_srgb @ f0
+    how = "a colour chart" if report.colour.source == "chart" else "the file's colour matrix"
+    about = f"colours are linear sRGB, from the camera's by {how}"
     if min(body.min(), gloss.min()) < 0.0 or max(body.max(), gloss.max()) > 1.0:
         about += "; what lies outside 0 .. 1 is clipped"
     return np.clip(body, 0, 1), np.clip(gloss, 0, 1), "linear sRGB", about

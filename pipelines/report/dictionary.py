@@ -23,8 +23,21 @@ FIELDS = (
     ("status, error", "ok, or failed and why, in one line"),
     ("flags", "what a reader must know; below, in words"),
     ("image", "name, SHA-256, size in pixels, camera; colours are the camera's own red, green, blue"),
-    ("noise", "variance of a sample = gain × signal + read², image units, one number a channel"),
-    ("scale", "absolute where the irradiance is given; relative: albedos are in units of the unknown scale"),
+    (
+        "noise",
+        "variance of a sample = gain × signal + read², image units, one number a channel; gain_sd, read_sd where "
+        "estimated",
+    ),
+    (
+        "scale",
+        "absolute where irradiance or a grey card is given; relative: albedos are in units of the unknown scale",
+    ),
+    ("reference", "the grey card: reflectance, box, file, normal; its radiance, the irradiance that follows, its sd"),
+    (
+        "colour",
+        "to_srgb: matrix from reflectances in camera RGB to linear sRGB, white to white; source; delta_e of a chart's "
+        "patches; light: its colour in camera RGB",
+    ),
     ("sphere", "centre and radius in pixels, where the fits started; sd of x, y, radius; given: what the settings say"),
     (
         "lights",
@@ -42,6 +55,10 @@ FIELDS = (
     ),
     ("… interval_68, _90", "equal-tailed posterior intervals, low and high"),
     ("… posterior_to_prior", "width of the posterior over that of the prior: near 1, the photograph tells nothing"),
+    (
+        "… srgb",
+        "a reflectance in linear sRGB: estimate, sd, xyz (D65), hex; of a relative scale without the light's colour",
+    ),
     ("fits[].chi2_reduced", "misfit over measurement noise alone; 1 is perfect"),
     ("fits[].elpd", "expected log predictive density, over blocks of the surface; larger is better"),
     (

@@ -8,7 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from toolkit.records import Fit, Light, MaterialReport, Metadata, Scene, Sphere
+from pipelines.srgb import light_of
+from toolkit.records import Fit, Light, MaterialReport, Metadata, Reference, Scene, Sphere
 
 from .fitted import Vector, fitted_light
 from .numbers import MISSING, digits, measured
@@ -73,6 +74,8 @@ def _noise(report: MaterialReport) -> str:
         "estimated": "estimated from the image",
     }
     terms = f"gain {numbers(noise.gain, 3)}, read {numbers(noise.read, 3)}"
+    if noise.gain_sd is not None and noise.read_sd is not None:
+        told["estimated"] += f" to ± {numbers(noise.gain_sd, 2)} and ± {numbers(noise.read_sd, 2)}"
     return f"variance = gain × signal + read²; {terms}, {told[noise.source]}"
 
 
@@ -86,6 +89,8 @@ def scene_rows(report: MaterialReport) -> list[Row]:
         name = "light" if len(scene.lights) == 1 else f"light {index}"
         rows += [(f"{name}, {scene.light_source}", _light(light)), (f"{name}, best fit", _moved(best, index))]
     rows.append(("scale", "absolute" if report.scale == "absolute" else "relative: no irradiance was given"))
+    rows += [("grey card", _card(report.reference))] if report.reference else []
+    rows += [("colours", _colours(report))]
     return [*rows, *_other_photographs(report), *_nuisances(best)]
 
 
@@ -100,6 +105,30 @@ def _other_photographs(report: MaterialReport) -> Iterator[Row]:
         for index, light in enumerate(one.scene.lights):
             yield f"{name}, light {one.scene.light_source}", _light(light)
             yield f"{name}, light, best fit", _moved(part, index)
+
+
+def _card(card: Reference) -> str:
+    x, y, width, height = card.box_px
+    where = f"{width} × {height} px at ({x}, {y})" + (f" of {base_name(card.file)}" if card.file else "")
+    return (
+        f"reflectance {numbers(card.grey)}, {where}, normal {numbers(card.normal)}: irradiance "
+        f"{numbers(card.irradiance)} ± {numbers(card.irradiance_sd, 2)}"
+    )
+
+
+def _colours(report: MaterialReport) -> str:
+    colour = report.colour
+    if colour is None:
+        return "the camera's own RGB: the file carries no colour matrix"
+    how = {
+        "forward-matrix": "by the file's forward matrix",
+        "colour-matrix": "by the file's colour matrix",
+        "chart": "by a colour chart",
+    }[colour.source]
+    missed = (
+        "" if colour.delta_e is None else f", CIEDE2000 {digits(colour.delta_e, 2)} on its patches left out in turn"
+    )
+    return f"linear sRGB {how}{missed}; light {numbers(light_of(report))} in camera RGB"
 
 
 def _projection(scene: Scene) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from pipelines.srgb import light_of, srgb_of
 from toolkit.records import (
     Agreement,
     ColourLayers,
@@ -19,6 +20,7 @@ from toolkit.records import (
     LinearImage,
     MaterialReport,
     Photograph,
+    Reference,
     Scene,
 )
 
@@ -51,7 +53,7 @@ def result_object(
         "error": error,
         "flags": [clean(flag) for flag in report.flags],
         **_own(report, settings, best),
-        "fits": [_fit(fit) for fit in report.fits],
+        "fits": [_fit(report, fit) for fit in report.fits],
         "best": report.best if best else None,
         "preferred": report.preferred,
         "elpd_difference": _difference(report.elpd_difference),
@@ -73,17 +75,19 @@ def _parts(report: MaterialReport) -> list[Fit]:
     return [of_photograph(report.fits[report.best], v) for v in range(len(report.photographs))]
 
 
-def _own(of: Photograph | MaterialReport, settings: Settings | None, best: Fit | None) -> dict[str, Any]:
+def _own(one: Photograph | MaterialReport, settings: Settings | None, best: Fit | None) -> dict[str, Any]:
     """What is one photograph's own."""
-    noise = of.image.noise
+    shown = ("gain", "read", "source", "gain_sd", "read_sd")
     return {
-        "image": _image(of.image),
-        "camera": _camera(of.scene),
-        "noise": {"gain": noise.gain, "read": noise.read, "source": noise.source},
-        "scale": of.scene.scale,
-        "sphere": _sphere(of.scene, settings),
-        "lights": _lights(of.scene, best),
-        "separation": _separation(of.separation, of.agreement) if of.separation else None,
+        "image": _image(one.image),
+        "camera": _camera(one.scene),
+        "noise": {name: getattr(one.image.noise, name) for name in shown},
+        "scale": one.scene.scale,
+        "reference": _reference(one.reference) if one.reference else None,
+        "colour": _colour(one) if one.colour else None,
+        "sphere": _sphere(one.scene, settings),
+        "lights": _lights(one.scene, best),
+        "separation": _separation(one.separation, one.agreement) if one.separation else None,
     }
 
 
@@ -149,7 +153,7 @@ def _frame(name: str) -> dict[str, Any]:
         "error": None,
         "flags": [],
         "image": {**dict.fromkeys(("name", "sha256", "width_px", "height_px", "camera", "colour_space")), "name": name},
-        **dict.fromkeys(("camera", "noise", "scale", "sphere")),
+        **dict.fromkeys(("camera", "noise", "scale", "reference", "colour", "sphere")),
         "lights": [],
         "separation": None,
         "fits": [],
@@ -226,7 +230,24 @@ def _separation(layers: ColourLayers, agreed: Agreement | None) -> dict[str, Any
     }
 
 
-def _fit(fit: Fit) -> dict[str, Any]:
+def _reference(reference: Reference) -> dict[str, Any]:
+    return {
+        "grey": reference.grey,
+        "box_px": reference.box_px,
+        "file": None if reference.file is None else base_name(reference.file),
+        "normal": reference.normal,
+        "radiance": reference.radiance,
+        "irradiance": reference.irradiance,
+        "irradiance_sd": reference.irradiance_sd,
+    }
+
+
+def _colour(one: Photograph | MaterialReport) -> dict[str, Any]:
+    shown = ("source", "to_srgb", "delta_e")
+    return {**{name: getattr(one.colour, name) for name in shown}, "light": light_of(one)}
+
+
+def _fit(report: MaterialReport, fit: Fit) -> dict[str, Any]:
     return {
         "model": fit.model,
         "variant": fit.variant,
@@ -236,14 +257,16 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "chi2_reduced": fit.chi2_reduced,
         "elpd": fit.elpd,
         "bic": fit.bic,
-        "parameters": {parameter.name: _parameter(parameter) for parameter in fit.parameters},
+        "parameters": {parameter.name: _parameter(report, fit, parameter) for parameter in fit.parameters},
         "posterior": _posterior(fit),
     }
 
 
-def _parameter(parameter: Estimate) -> dict[str, Any]:
+def _parameter(report: MaterialReport, fit: Fit, parameter: Estimate) -> dict[str, Any]:
     shown = ("estimate", "mode", "sd", "sd_statistical", "interval_68", "interval_90", "unit", "posterior_to_prior")
-    return {name: getattr(parameter, name) for name in shown}
+    srgb = srgb_of(report, fit, parameter)
+    seen = None if srgb is None else {name: getattr(srgb, name) for name in ("estimate", "sd", "xyz", "hex")}
+    return {**{name: getattr(parameter, name) for name in shown}, "srgb": seen}
 
 
 def _posterior(fit: Fit) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.srgb import Srgb, srgb_of
 from toolkit.flags import MEANING, Flag
 from toolkit.records import Estimate, Fit, MaterialReport
 from toolkit.reflectance import LOBES
@@ -49,15 +50,17 @@ class ParameterRow:
     meaning: str
     unit: str
     note: str
+    srgb: str  # linear sRGB, where the camera's colours are known
+    swatch: str  # and as #rrggbb, where the scale is as well
     channels: tuple[Cells, ...]
 
 
-def parameter_rows(fit: Fit) -> list[ParameterRow]:
+def parameter_rows(report: MaterialReport, fit: Fit) -> list[ParameterRow]:
     """Every parameter of a fit."""
-    return [_parameter(fit, parameter) for parameter in fit.parameters]
+    return [_parameter(fit, parameter, srgb_of(report, fit, parameter)) for parameter in fit.parameters]
 
 
-def _parameter(fit: Fit, parameter: Estimate) -> ParameterRow:
+def _parameter(fit: Fit, parameter: Estimate, srgb: Srgb | None) -> ParameterRow:
     shape = {p.name: p for lobe in (fit.model, fit.diffuse) if lobe in LOBES for p in LOBES[lobe].parameters}
     own = shape.get(parameter.name)
     common = parameter.name.rstrip("0123456789").removesuffix("_") if _numbered(parameter.name) else parameter.name
@@ -69,6 +72,8 @@ def _parameter(fit: Fit, parameter: Estimate) -> ParameterRow:
         meaning=meaning,
         unit="" if parameter.unit == "1" else parameter.unit,
         note=clean(parameter.note),
+        srgb="" if srgb is None else ", ".join(map(measured, srgb.estimate.tolist(), srgb.sd.tolist())),
+        swatch="" if srgb is None or srgb.hex is None else srgb.hex,
         channels=tuple(_cells(parameter, c if width == 3 else None) for c in range(width)),
     )
 

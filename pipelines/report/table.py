@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pipelines.srgb import srgb_of
 from toolkit.flags import MEANING, Flag
-from toolkit.records import Estimate, Fit, Floats, LinearImage, MaterialReport, Scene
+from toolkit.records import CameraColour, Estimate, Fit, Floats, LinearImage, MaterialReport, Reference, Scene
 
 from .digits import interval, plus_minus, rounded
 from .text import base_name, clean
@@ -40,6 +41,8 @@ def print_table(report: MaterialReport, console: Console, *, where: Path | None 
         _print(console, f"{_named(best)}: {_rank(report)}")
         _print(console, _quality(best))
         _print_table(console, _parameters(best))
+        for coloured in _colours(report, best):
+            console.print(coloured, highlight=False, soft_wrap=True)
         if len(report.fits) > 1:
             _print_table(console, _models(report, best))
         _print(console, "")
@@ -63,8 +66,10 @@ def _print_table(console: Console, table: Table) -> None:
 def _head(report: MaterialReport) -> Iterator[str]:
     if report.photographs:
         yield f"{len(report.photographs)} photographs of one material, fitted jointly, {report.scale} scale"
-    for image, scene in [(one.image, one.scene) for one in report.photographs] or [(report.image, report.scene)]:
-        yield from _where_taken(image, scene)
+    for one in report.photographs or (report,):
+        yield from _where_taken(one.image, one.scene)
+        if one.reference is not None:
+            yield _reference(one.reference)
 
 
 def _where_taken(image: LinearImage, scene: Scene) -> Iterator[str]:
@@ -77,6 +82,14 @@ def _where_taken(image: LinearImage, scene: Scene) -> Iterator[str]:
         direction = ", ".join(f"{v:.3f}" for v in light.direction)
         off_deg = np.degrees(np.arccos(np.clip(light.direction[2], -1.0, 1.0)))
         yield f"{light.kind} light {scene.light_source}: ({direction}), {off_deg:.1f} degrees off the view axis"
+
+
+def _reference(reference: Reference) -> str:
+    told = (
+        plus_minus(*pair) for pair in zip(reference.irradiance.tolist(), reference.irradiance_sd.tolist(), strict=True)
+    )
+    where = f" in {base_name(reference.file)}" if reference.file else ""
+    return f"grey card{where}: irradiance {', '.join(told)}"
 
 
 def _named(fit: Fit) -> str:
@@ -105,6 +118,32 @@ def _parameters(fit: Fit) -> Table:
         for row in _rows(parameter):
             table.add_row(*map(_text, row))
     return table
+
+
+def _colours(report: MaterialReport, fit: Fit) -> Iterator[Text]:
+    """The reflectances in linear sRGB, each with its swatch where the scale is known."""
+    from rich.text import Text
+
+    seen = [(p.name, srgb) for p in fit.parameters if (srgb := srgb_of(report, fit, p)) is not None]
+    if not seen or report.colour is None:
+        return
+    yield Text(f"\nlinear sRGB, {HOW[report.colour.source]}{_error(report.colour)}")
+    for name, srgb in seen:
+        line = Text(f"{name:18} " + "  ".join(map(rounded, srgb.estimate.tolist(), srgb.sd.tolist())))
+        if srgb.hex is not None:
+            line.append("  ").append("  ", style=f"on {srgb.hex}").append(f" {srgb.hex}")
+        yield line
+
+
+HOW = {
+    "forward-matrix": "by the file's forward matrix",
+    "colour-matrix": "by the file's colour matrix",
+    "chart": "by the colour chart",
+}
+
+
+def _error(colour: CameraColour) -> str:
+    return "" if colour.delta_e is None else f" (CIEDE2000 {colour.delta_e:.1f} on its patches)"
 
 
 def _rows(parameter: Estimate) -> Iterator[Row]:

@@ -211,3 +211,14 @@ def test_numbers_above_white_are_refused(tmp_path):
     """Most samples far above the stated white: another kind of file."""
     with pytest.raises(BadInputError, match="above"):
         read_in_process(good.dng(tmp_path / "a.dng", good.mosaic() + np.uint16(20_000), white=1000))
+
+
+def test_a_raw_that_is_no_dng_takes_its_colours_from_the_decoder() -> None:
+    """LibRaw's matrix of XYZ to camera and the white balance as shot; zeros, as for a DNG, tell nothing."""
+    matrix = [[0.69, -0.19, -0.06], [-0.45, 1.24, 0.23], [-0.08, 0.21, 0.56], [0.0, 0.0, 0.0]]
+    told = SimpleNamespace(rgb_xyz_matrix=np.array(matrix), camera_whitebalance=[2.0, 1.0, 1.6, 0.0])
+    found = raw._colours(told)
+    assert found["xyz_to_camera"] == matrix[:3]
+    assert found["as_shot_neutral"] == pytest.approx([0.5, 1.0, 0.625])
+    silent = SimpleNamespace(rgb_xyz_matrix=np.zeros((4, 3)), camera_whitebalance=[-1.0, 0.0, 0.0, 0.0])
+    assert raw._colours(silent) == {}

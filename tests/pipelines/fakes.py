@@ -15,6 +15,7 @@ from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import surface
 from toolkit.inference.layers import predict
+from toolkit.radiometry.colour import camera_colour
 from toolkit.records import (
     Agreement,
     Camera,
@@ -269,6 +270,7 @@ def report(
         elpd_difference=(float(gaps.sum()), float(np.sqrt(len(gaps)) * gaps.std())),
         layers=pictures,
         flags=(Flag.CLIPPED,),
+        colour=camera_colour(METADATA),
         seconds={"read": 0.21, "detect": 0.10, "separate": 0.30, "fit": 0.80, "sample": 1.20},
     )
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from pipelines.export import EXPORTERS, Exporter, exporter, material_of, register
-from pipelines.export.colour import D65, XYZ_TO_SRGB, reflectance_matrix, srgb_hex
+from pipelines.export.colour import srgb_hex
 from pipelines.export.conductor import complex_index, reflectance
 from pipelines.export.equivalent import equivalents
 from pipelines.export.material import Material
 from tests.pipelines import fakes
 from toolkit.errors import UsageError
 from toolkit.inference.layers import predict
-from toolkit.records import Estimate, Fit, MaterialReport, Metadata
+from toolkit.records import Estimate, Fit, MaterialReport
 from toolkit.reflectance import LOBES
 
 
@@ -31,8 +31,7 @@ def report() -> MaterialReport:
 @pytest.fixture(scope="module")
 def camera_material(report: MaterialReport) -> Material:
     """The Beckmann fit's material in camera RGB: no colour matrix in the file."""
-    image = replace(report.image, metadata=replace(report.image.metadata, xyz_to_camera=()))
-    return material_of(replace(report, image=image, best=3))
+    return material_of(replace(report, colour=None, best=3))
 
 
 def metal(report: MaterialReport) -> MaterialReport:
@@ -44,8 +43,7 @@ def metal(report: MaterialReport) -> MaterialReport:
         return parameter if value is None else replace(parameter, estimate=value)
 
     fit = replace(report.fits[4], parameters=tuple(map(is_now, report.fits[4].parameters)))
-    image = replace(report.image, metadata=replace(report.image.metadata, xyz_to_camera=()))
-    return replace(report, image=image, fits=(fit,), best=0)
+    return replace(report, colour=None, fits=(fit,), best=0)
 
 
 def mitsuba_value(text: str, light: tuple[float, float, float]) -> np.ndarray:
@@ -172,26 +170,6 @@ def test_exporters_are_found_by_name_and_only_once() -> None:
     with pytest.raises(ValueError, match="exists already"):
         register(Exporter(name="other", title="", suffix=".gltf", text=lambda _: ""))
     assert "other" not in EXPORTERS
-
-
-def test_a_white_reflectance_is_white_in_srgb_and_xyz_comes_back() -> None:
-    """The matrix takes (1, 1, 1) to (1, 1, 1), and a camera whose channels are sRGB's own changes nothing."""
-    matrix = reflectance_matrix(fakes.METADATA)
-    assert matrix is not None
-    np.testing.assert_allclose(matrix @ np.ones(3), np.ones(3), atol=2e-5)
-    own = tuple(tuple(float(v) for v in row) for row in XYZ_TO_SRGB)
-    same = reflectance_matrix(Metadata(xyz_to_camera=own))  # type: ignore[arg-type]  # rows of three
-    np.testing.assert_allclose(same, np.eye(3), atol=1e-4)
-    np.testing.assert_allclose(XYZ_TO_SRGB @ D65, np.ones(3), atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    "matrix",
-    [(), ((1.0, 0.0, 0.0),) * 3, ((math.nan,) * 3,) * 3, ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))],
-)
-def test_a_matrix_that_is_no_cameras_is_not_used(matrix: tuple[tuple[float, float, float], ...]) -> None:
-    """Missing, singular, not finite, or seeing white as negative."""
-    assert reflectance_matrix(Metadata(xyz_to_camera=matrix)) is None
 
 
 def test_colours_as_hex() -> None:

@@ -14,7 +14,8 @@ from pipelines.report.figures.pictures import pictures, residual_at_samples, sam
 from pipelines.report.figures.plane import angle_deg, binned, light_line, positions
 from pipelines.report.figures.profile import whole_ball
 from pipelines.report.figures.shrink import shrunk, small
-from pipelines.report.figures.tone import light_colour, tone_of
+from pipelines.report.figures.tone import tone_of
+from pipelines.srgb import light_of
 from tests.pipelines import fakes
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import surface
@@ -154,7 +155,7 @@ def test_the_noise_of_a_quads_green_is_that_of_two_samples(report: MaterialRepor
 def test_one_tone_curve_serves_all_pictures(report: MaterialReport, layers: ModelLayers) -> None:
     """It grows with radiance, never clips, shows the light's colour as grey, and the body well exposed."""
     tone = tone_of(report, small(layers).diffuse)
-    ramp = np.linspace(0.0, 3.0, 50)[:, None] * light_colour(report)
+    ramp = np.linspace(0.0, 3.0, 50)[:, None] * light_of(report)
     shown = tone.show(ramp)
     assert np.ptp(shown, axis=-1).max() < 0.01
     assert (np.diff(shown[:, 1]) > 0).all()
@@ -166,15 +167,15 @@ def test_one_tone_curve_serves_all_pictures(report: MaterialReport, layers: Mode
 
 def test_the_lights_colour_is_taken_from_the_best_that_is_known(report: MaterialReport) -> None:
     """Irradiance, else the separation, else the camera's white balance, else none."""
-    np.testing.assert_allclose(light_colour(report), fakes.IRRADIANCE / fakes.IRRADIANCE.max())
+    np.testing.assert_allclose(light_of(report), fakes.IRRADIANCE / fakes.IRRADIANCE.max())
     scene = replace(report.scene, lights=(DirectionalLight(direction=(0.0, 0.0, 1.0)),))
     without = replace(report, scene=scene)
     assert report.separation is not None
     expected = report.separation.light_colour / report.separation.light_colour.max()
-    np.testing.assert_allclose(light_colour(without), expected)
-    np.testing.assert_allclose(light_colour(replace(without, separation=None)), [0.55, 1.0, 0.7])
+    np.testing.assert_allclose(light_of(without), expected)
+    np.testing.assert_allclose(light_of(replace(without, separation=None)), [0.55, 1.0, 0.7])
     image = replace(report.image, metadata=replace(fakes.METADATA, as_shot_neutral=(0.0, 1.0, np.nan)))
-    np.testing.assert_array_equal(light_colour(replace(without, separation=None, image=image)), np.ones(3))
+    np.testing.assert_array_equal(light_of(replace(without, separation=None, image=image)), np.ones(3))
 
 
 def test_a_highlight_beyond_the_white_level_is_called_so(report: MaterialReport) -> None:

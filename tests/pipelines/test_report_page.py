@@ -167,8 +167,9 @@ def test_hostile_strings_are_only_text() -> None:
 def test_a_report_with_less_still_gives_a_page(report: MaterialReport) -> None:
     """No separation, no layers, no draws, one model, no colour matrix, no light's irradiance."""
     fit = replace(report.fits[1], draws={}, diagnostics=None)
-    image = replace(report.image, metadata=replace(report.image.metadata, xyz_to_camera=(), as_shot_neutral=()))
-    bare = replace(report, image=image, fits=(fit,), separation=None, layers=None, preferred=None, elpd_difference=None)
+    image = replace(report.image, metadata=replace(report.image.metadata, as_shot_neutral=()))
+    bare = replace(report, image=image, fits=(fit,), separation=None, layers=None, preferred=None)
+    bare = replace(bare, elpd_difference=None, colour=None)
     found = seen(page_text(replace(bare, scene=replace(report.scene, scale="relative"))))
     assert found.open == []
     assert found.tags["img"] == 0

@@ -30,6 +30,8 @@ TOP = [
     "camera",
     "noise",
     "scale",
+    "reference",
+    "colour",
     "sphere",
     "lights",
     "separation",
@@ -60,6 +62,7 @@ PARAMETER = {
     "interval_90",
     "unit",
     "posterior_to_prior",
+    "srgb",
 }
 
 

@@ -21,6 +21,8 @@ POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples
 POOR_RESIDUAL = 0.002  # of the signal: below, a misfit shows only since the photograph is so free of noise
 DIELECTRIC_F0 = 0.2  # diamond's is 0.17: above, it is a metal and Schlick's form is as good as any
 SCHLICK_IS_GOOD = 0.02  # relative difference from the exact form that is never told
+REFLECTED = {"diffuse_albedo", "specular_albedo", "specular_strength"}  # what the irradiance divides
+IRRADIANCE_STREAM = 1  # of the seed: draws independent of the sampler's
 DETECTED_SD = 3.0  # sds by which a specular strength must stand above nothing
 
 F0_NOTE = (
@@ -57,6 +59,30 @@ def _specular_draws(optimum: Optimum, x: Floats) -> dict[str, Floats]:
     return {"specular_strength": scale * fresnel.at_mirror(f0), "specular_f0": f0}
 
 
+def posterior_draws(optimum: Optimum, draws: Draws) -> dict[str, Floats]:
+    """`named_draws` of the posterior, with the irradiance's own error where the light was measured.
+
+    Radiance fixes the product of irradiance and reflectance: every draw takes an irradiance of its own, and what is
+    reflected is divided by it. F0 follows its strength by Fresnel's slope. Photographs fitted jointly count as sharing
+    their card.
+    """
+    named = named_draws(optimum, draws.u, draws.x)
+    told = [view.scene.irradiance_covariance for view in optimum.problem.views if view.scene.scale == "absolute"]
+    if all(covariance is None for covariance in told):
+        return named
+    covariance = np.mean([np.zeros((3, 3)) if each is None else each for each in told], axis=0)
+    rng = np.random.default_rng([draws.diagnostics.seed, IRRADIANCE_STREAM])
+    factor = np.exp(rng.multivariate_normal(np.zeros(3), covariance, size=len(draws.x)))
+    before = named.get("specular_strength", np.zeros(1))
+    for name in REFLECTED & set(named):
+        neutral = not np.ptp(named[name], axis=1).any()  # one number for all channels stays one
+        named[name] = named[name] * (factor.mean(axis=1, keepdims=True) if neutral else factor)
+    if optimum.problem.fresnel.kind == "known":
+        steps = (named["specular_strength"] - before) / optimum.problem.fresnel.slope_at_mirror()
+        named["specular_f0"] = named["specular_f0"] + steps
+    return named
+
+
 def unit_of(optimum: Optimum, name: str) -> str:
     """Unit of a parameter as a reader should see it."""
     for p in optimum.problem.model.parameters:
@@ -70,7 +96,7 @@ def unit_of(optimum: Optimum, name: str) -> str:
 
 def estimates_of(optimum: Optimum, draws: Draws) -> tuple[Estimate, ...]:
     """Every parameter with posterior mean, mode, sds and equal-tailed intervals."""
-    by_name = named_draws(optimum, draws.u, draws.x)
+    by_name = posterior_draws(optimum, draws)
     mode = named_draws(optimum, optimum.u[None], optimum.x[None])
     statistical = statistical_sds(optimum)
     prior = _prior_sds(optimum)

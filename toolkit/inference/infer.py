@@ -13,7 +13,7 @@ from .blocks import blocks_of, by_block
 from .cells import Cells, gather
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
-from .estimates import estimates_of, flags_of, named_draws, schlick_misleads
+from .estimates import estimates_of, flags_of, named_draws, posterior_draws, schlick_misleads
 from .fit import Optimum, View, pose_views
 from .joint import on_one_scale
 from .model import Model
@@ -95,7 +95,7 @@ def infer_views(
         bic=bic_of(optimum, blocks),
         parameters=estimates,
         diagnostics=draws.diagnostics,
-        draws=_by_chain(named_draws(optimum, draws.u, draws.x)),
+        draws=_by_chain(posterior_draws(optimum, draws)),
         scene=seen[0],
         others=tuple(seen[1:]),
         nuisances=_shift_table(optimum, shifts, total, stretch),

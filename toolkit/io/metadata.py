@@ -25,7 +25,9 @@ _NUMBERS = {
     "focal_length_mm": "EXIF FocalLength",
     "focal_length_35mm_mm": "EXIF FocalLengthIn35mmFilm",
 }
-_COLOR_MATRIX_1, _AS_SHOT_NEUTRAL, _NOISE_PROFILE = 50721, 50728, 51041
+_MATRICES = {"xyz_to_camera": 50721, "xyz_to_camera_2": 50722, "forward_matrix": 50964, "forward_matrix_2": 50965}
+_ILLUMINANTS = (50778, 50779)  # of calibration: EXIF LightSource
+_AS_SHOT_NEUTRAL, _NOISE_PROFILE = 50728, 51041
 
 
 def start(kind: str, path: str) -> Callable[[], dict[str, Any]]:
@@ -100,13 +102,16 @@ def _dng(path: str) -> dict[str, Any]:
         page = tiff.pages.first
         directories = [page, *(page.pages or [])]
         profile = _tag(directories, _NOISE_PROFILE)
-        matrix = _rationals(_tag(directories, _COLOR_MATRIX_1))
+        matrices = {name: _three_rows(_rationals(_tag(directories, tag))) for name, tag in _MATRICES.items()}
         neutral = _rationals(_tag(directories, _AS_SHOT_NEUTRAL))
-    return {
+        lights = [int(value[0]) for value in (_tag(directories, tag) for tag in _ILLUMINANTS) if value]
+    found = {
+        **matrices,
         "noise_profile": _pairs(profile),
-        "xyz_to_camera": [matrix[i : i + 3] for i in (0, 3, 6)] if len(matrix) == 9 else [],
         "as_shot_neutral": neutral if len(neutral) == 3 and all(n > 0 for n in neutral) else [],
+        "calibration_illuminants": lights,
     }
+    return {name: value for name, value in found.items() if value}
 
 
 def _tag(directories: Iterable[Any], number: int) -> tuple[Any, ...]:
@@ -115,6 +120,10 @@ def _tag(directories: Iterable[Any], number: int) -> tuple[Any, ...]:
             value = directory.tags[number].value
             return value if isinstance(value, tuple) else (value,)
     return ()
+
+
+def _three_rows(numbers: list[float]) -> list[list[float]]:
+    return [numbers[i : i + 3] for i in (0, 3, 6)] if len(numbers) == 9 else []
 
 
 def _rationals(value: tuple[Any, ...]) -> list[float]:

@@ -114,14 +114,26 @@ def _linear_rgb(raw: rawpy.RawPy) -> Decoded:
 
 
 def _fields(raw: rawpy.RawPy) -> dict[str, Any]:
-    """What LibRaw itself knows of the exposure; zero means unknown there."""
+    """What LibRaw itself knows of the exposure and of the camera's colours; zero means unknown there."""
     try:
         other = raw.other
     except (ValueError, OverflowError, OSError):  # rawpy turns a damaged time stamp into a date
         return {}
     numbers = {"exposure_s": other.shutter_speed, "iso": other.iso_speed, "f_number": other.aperture}
     numbers["focal_length_mm"] = other.focal_length
-    return {name: float(value) for name, value in numbers.items() if np.isfinite(value) and value > 0}
+    known = {name: float(value) for name, value in numbers.items() if np.isfinite(value) and value > 0}
+    return {**known, **_colours(raw)}
+
+
+def _colours(raw: rawpy.RawPy) -> dict[str, Any]:
+    """LibRaw's own table for raws that are no DNG: XYZ to camera under D65, and the white balance as shot."""
+    found: dict[str, Any] = {}
+    matrix, balance = np.array(raw.rgb_xyz_matrix, float)[:3], np.array(raw.camera_whitebalance, float)[:3]
+    if np.isfinite(matrix).all() and matrix.any():
+        found["xyz_to_camera"] = matrix.tolist()
+    if balance.shape == (3,) and np.isfinite(balance).all() and balance.min() > 0:
+        found["as_shot_neutral"] = (balance.min() / balance).tolist()
+    return found
 
 
 def _reason(error: Exception) -> str:

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from toolkit.records import Floats
+
 OVERLAP = 1.9427  # sum of the squared correlations of `noise` with that of all samples around, for white noise
 _TILE = 64  # samples a side
 
@@ -20,9 +22,10 @@ _TILE = 64  # samples a side
 class Residuals(NamedTuple):
     """Flat arrays over samples; `noise` and `structure` have the noise's variance as mean where nothing else is."""
 
-    signal: NDArray[np.float32]  # mean of 3 x 3
-    noise: NDArray[np.float32]  # mean square of the three finest kernels
-    structure: NDArray[np.float32]  # mean square of second differences in rows or columns alone, over 5 x 5 samples
+    signal: Floats  # mean of 3 x 3
+    noise: Floats  # mean square of the three finest kernels
+    structure: Floats  # mean square of second differences in rows or columns alone, over 5 x 5 samples
+    tile: NDArray[np.intp]  # which tile each lies in
 
 
 def residuals(values: NDArray[np.float32], usable: NDArray[np.bool_]) -> Residuals:
@@ -35,7 +38,7 @@ def residuals(values: NDArray[np.float32], usable: NDArray[np.bool_]) -> Residua
     noise = (finest * finest + twisted * twisted + sloped * sloped) * np.float32(1 / 3)
     inner = (slice(None), slice(2, -2), slice(2, -2))  # where the mean of five reaches
     keep = _all_three(_all_three(usable, axis=1), axis=2)[inner]
-    return Residuals(signal[inner][keep] * np.float32(1 / 3), noise[inner][keep], structure[keep])
+    return Residuals(signal[inner][keep] * np.float32(1 / 3), noise[inner][keep], structure[keep], np.nonzero(keep)[0])
 
 
 def tiles(array: NDArray[Any], most: int) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from toolkit.errors import UsageError
 from toolkit.radiometry import clipping, transfer_curve
 from toolkit.radiometry.noise import noise_of
+from toolkit.radiometry.noise_estimate import Disc
 from toolkit.records import LinearImage, Noise, Plane, RawFrame
 
 Box = tuple[int, int, int, int]
@@ -21,12 +22,18 @@ Transfer = Literal["srgb"]
 
 
 def linearise(
-    frame: RawFrame, *, box: Box | None = None, transfer: Transfer | None = None, noise: Noise | None = None
+    frame: RawFrame,
+    *,
+    box: Box | None = None,
+    transfer: Transfer | None = None,
+    noise: Noise | None = None,
+    disc: Disc | None = None,
 ) -> LinearImage:
     """The frame as measurements: four planes of step 2 for a mosaic, three of step 1 otherwise, float32.
 
     `box` (x0, y0, x1, y1), end exclusive, limits the planes to those pixels, grown to whole 2 x 2 cells of a mosaic;
-    `width_px` and `height_px` stay the full frame's. `noise` overrides the file's profile and the estimate.
+    `width_px` and `height_px` stay the full frame's. `noise` overrides the file's profile and the estimate; `disc`
+    (x, y, radius) is where a smooth sphere is seen, from which that is best made.
     Non-finite samples become 0 with the flag INVALID. An encoded image needs `transfer`: it is linearised by that
     curve and marked; without it, or with it on raws and float images, UsageError is raised.
     """
@@ -41,7 +48,7 @@ def linearise(
         width_px=width,
         height_px=height,
         planes=planes,
-        noise=noise_of(planes, frame.metadata, given=noise),
+        noise=noise_of(planes, frame.metadata, given=noise, disc=disc),
         white=1.0 if np.all(np.isfinite(frame.white)) else float("inf"),
         transfer_assumed=transfer is not None,
         metadata=frame.metadata,

@@ -6,17 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.radiometry.noise_estimate import estimate
+from toolkit.radiometry.noise_estimate import Disc, estimate
 from toolkit.records import Metadata, Noise, Plane
 
 
-def noise_of(planes: Sequence[Plane], metadata: Metadata, *, given: Noise | None = None) -> Noise:
-    """The best noise known of these planes: what is `given`, else the file's profile, else the estimate."""
+def noise_of(
+    planes: Sequence[Plane], metadata: Metadata, *, given: Noise | None = None, disc: Disc | None = None
+) -> Noise:
+    """The best noise known of these planes: what is `given`, else the file's profile, else the estimate.
+
+    `disc` is where a smooth sphere is seen.
+    """
     if given is not None:
         return given
     if metadata.noise_profile:
         return noise_of_profile(metadata.noise_profile)
-    return estimate(planes).noise
+    return estimate(planes, disc=disc).noise
 
 
 def noise_of_profile(profile: tuple[tuple[float, float], ...]) -> Noise:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.export.colour import reflectance_matrix, srgb_encode
+from pipelines.export.colour import srgb_encode
+from pipelines.srgb import light_of
 from toolkit.records import Floats, MaterialReport, readonly
 
 KNEE = 0.6  # linear up to here, then a shoulder that never clips
@@ -32,20 +33,8 @@ class Tone:
 
 def tone_of(report: MaterialReport, diffuse: Floats) -> Tone:
     """The curve under which the body of this ball, `diffuse` (h, w, 3), is well exposed and its light looks white."""
-    to_srgb = reflectance_matrix(report.image.metadata)
-    matrix = (np.eye(3) if to_srgb is None else to_srgb) / light_colour(report)
+    colour = report.colour
+    matrix = (np.eye(3) if colour is None else colour.to_srgb) / light_of(report)
     body = diffuse[np.isfinite(diffuse).all(axis=-1)] @ matrix.T
     bright = float(np.percentile(body.max(axis=-1), 99)) if len(body) else 0.0
-    return Tone(matrix=matrix * (BRIGHT_BODY / bright if bright > 0.0 else 1.0), in_srgb=to_srgb is not None)
-
-
-def light_colour(report: MaterialReport) -> Floats:
-    """The light's colour in camera channels (3,), its largest 1: from the irradiance, the separation or the camera."""
-    given = getattr(report.scene.lights[0], "irradiance", None) if report.scene.lights else None
-    if given is None and report.separation is not None and np.isfinite(report.separation.light_colour).all():
-        given = report.separation.light_colour
-    if given is None:
-        given = report.image.metadata.as_shot_neutral
-    colour = np.asarray(given, float)
-    usable = colour.shape == (3,) and np.isfinite(colour).all() and colour.min() > 0.0
-    return np.asarray(colour / colour.max()) if usable else np.ones(3)
+    return Tone(matrix=matrix * (BRIGHT_BODY / bright if bright > 0.0 else 1.0), in_srgb=colour is not None)
