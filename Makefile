@@ -41,8 +41,9 @@ bench: $(PEERS)  ## speed beside peers, as ratios measured in one run
 bench-separation: $(PEERS)  ## separation by colour beside its rivals and its limit
 	$(BIN)/python -m tests.benchmarks.separation
 
-validate: $(READY)  ## the slow statistical tests
+validate: $(READY)  ## the slow statistical tests, and renders of known truth beside the stored record
 	$(BIN)/python -m pytest -m slow
+	$(BIN)/fit-material validate quick --out build/validation --overwrite --against tests/validation/record.json
 
 lock:            ## resolve requirements anew (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header pyproject.toml -o requirements/run.txt

@@ -18,6 +18,8 @@ from pipelines.validate.score import score
 from pipelines.validate.verdict import complaints, verdict
 from toolkit.errors import BadInputError
 
+ROOT = Path(__file__).parents[2]
+
 
 def lines(
     count: int = 300, *, wide: float = 1.0, shift: float = 0.0, noisy: float = 1.0, seed: int = 0
@@ -191,6 +193,13 @@ def test_a_record_is_read_back_and_a_maimed_one_refused(tmp_path: Path) -> None:
         path.write_text(json.dumps(maimed))
         with pytest.raises(BadInputError, match="holds no validation record"):
             read_record(path)
+
+
+def test_the_stored_record_is_good_and_of_what_make_validate_runs() -> None:
+    """A record that says yes, of the preset that the Makefile names."""
+    record = read_record(ROOT / "tests" / "validation" / "record.json")
+    assert record["good"]
+    assert f"validate {record['trials']} --out build/validation" in (ROOT / "Makefile").read_text()
 
 
 def test_page_and_table_hold_hostile_words_harmless() -> None:
