@@ -5,6 +5,7 @@ One process forks each attempt, so that an attempt begins in milliseconds; it pr
 
 from __future__ import annotations
 
+import fcntl
 import json
 import multiprocessing
 import os
@@ -23,6 +24,8 @@ from pipelines.batch.journal import NAME
 from . import fake, shoots
 
 WORKERS = 2
+MOST_FITS = 4  # that an attempt gets to make before the moment comes
+MOMENT_S = 0.1  # longer than anything between two fits takes
 
 
 @contextmanager
@@ -42,10 +45,13 @@ def attempt(source: Path, out: Path, crew: Crew) -> None:
     shoots.run(source, out, crew, resume=begun, overwrite=not begun)
 
 
-def cut(source: Path, out: Path, plan: Path, crew: Crew, times: int, longest_s: float, seed: int) -> dict[str, int]:
-    """Kill `times` attempts, each with all its processes, at random moments of up to `longest_s`."""
+def cut(source: Path, out: Path, plan: Path, crew: Crew, times: int, seed: int) -> dict[str, int]:
+    """Kill `times` attempts, each with all its processes, at random moments: soon after as many fits as chance says;
+    or, where the last attempt began none, later, since the page may be what is missing.
+    """
     rng = random.Random(seed)  # noqa: S311  # moments, no secrets
     seen = {"torn": 0, "lost": 0, "twice": 0, "killed": 0, "begun": 0}
+    fresh = ["the first"]
     for _ in range(times):
         noted = done(out)
         before = len(lines(plan))
@@ -54,14 +60,23 @@ def cut(source: Path, out: Path, plan: Path, crew: Crew, times: int, longest_s: 
             os.setsid()
             attempt(source, out, crew)
             os._exit(0)
+        fits, longest_s = (rng.randint(0, MOST_FITS), MOMENT_S) if fresh else (0, 5 * MOMENT_S)
+        wait_for(child, plan, len(ended(plan)) + fits)
         time.sleep(rng.uniform(0.0, longest_s))
         seen["killed"] += kill(child)
+        released(out)
         fresh = [line.removeprefix("begin ") for line in lines(plan)[before:] if line.startswith("begin ")]
         seen["begun"] += len(fresh)
         seen["twice"] += sum(name in noted for name in fresh)
         seen["torn"] += torn(out)
         seen["lost"] += sum(not found for found in done(out).values())
     return seen
+
+
+def wait_for(child: int, plan: Path, count: int) -> None:
+    """Until so many fits have ended, or the process is at its end."""
+    while len(ended(plan)) < count and os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+        time.sleep(0.001)
 
 
 def kill(child: int) -> bool:
@@ -74,12 +89,22 @@ def kill(child: int) -> bool:
     except ProcessLookupError:  # killed before it led a group of its own
         os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    time.sleep(0.02)  # its workers are another's children now: the system buries them
     return True
+
+
+def released(out: Path) -> None:
+    """Wait for the journal's lock: its holders, forked workers among them, are dead then."""
+    if (out / NAME).exists():
+        with (out / NAME).open("rb") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
 
 
 def lines(plan: Path) -> list[str]:
     return (plan / "log").read_text().splitlines() if (plan / "log").exists() else []
+
+
+def ended(plan: Path) -> list[str]:
+    return [line for line in lines(plan) if line.startswith("end ")]
 
 
 def done(out: Path) -> dict[str, bool]:
@@ -110,14 +135,14 @@ def torn(out: Path) -> int:
 
 
 def main() -> None:
-    """SOURCE OUT CREW TIMES LONGEST_S SEED; the plan's folder comes by the environment, as for every fake fit."""
+    """SOURCE OUT CREW TIMES SEED; the plan's folder comes by the environment, as for every fake fit."""
     source, out, crew = Path(sys.argv[1]), Path(sys.argv[2]), CREWS[sys.argv[3]]
-    times, longest_s, seed = int(sys.argv[4]), float(sys.argv[5]), int(sys.argv[6])
+    times, seed = int(sys.argv[4]), int(sys.argv[5])
     plan = Path(os.environ[fake.PLAN])
     warm = plan / "warm"
     shoots.run(shoots.shoot(warm / "shoot", 1), warm / "out")  # whatever is imported later is imported now
     (plan / "log").unlink()
-    seen = cut(source, out, plan, crew, times, longest_s, seed)
+    seen = cut(source, out, plan, crew, times, seed)
     before = len([line for line in lines(plan) if line.startswith("begin ")])
     attempt(source, out, crew)
     seen["last"] = len([line for line in lines(plan) if line.startswith("begin ")]) - before
