@@ -115,20 +115,22 @@ def reml(y: Floats, variance: Floats) -> float:
     if top <= bottom:
         return 0.0
     grid = np.linspace(math.log(bottom), math.log(top), STEPS)
-    cost = [-_restricted(y, variance, math.exp(g)) for g in grid]
-    best = int(np.argmin(cost))
+    best = int(np.argmax(_restricted(y, variance, np.exp(grid))))
     around = grid[max(best - 1, 0)], grid[min(best + 1, STEPS - 1)]
     found = minimize_scalar(
-        lambda g: -_restricted(y, variance, math.exp(g)), bounds=around, method="bounded", options={"xatol": 1e-10}
+        lambda g: -float(_restricted(y, variance, np.exp(g))), bounds=around, method="bounded", options={"xatol": 1e-10}
     )
     between = math.exp(float(found.x))
-    return between if _restricted(y, variance, between) > _restricted(y, variance, 0.0) else 0.0
+    here, none = _restricted(y, variance, np.array([between, 0.0]))
+    return between if here > none else 0.0
 
 
-def _restricted(y: Floats, variance: Floats, between: float) -> float:
-    """Log restricted likelihood but for a constant (Viechtbauer 2005, eq. 6)."""
-    weight = 1 / (variance + between)
-    return 0.5 * float(np.log(weight).sum() - np.log(weight.sum())) - 0.5 * cochran_q(y, variance, between)
+def _restricted(y: Floats, variance: Floats, between: Floats) -> Floats:
+    """Log restricted likelihood but for a constant (Viechtbauer 2005, eq. 6), shaped like `between`."""
+    weight = 1 / (variance + np.asarray(between)[..., None])
+    total = weight.sum(axis=-1)
+    left = y - ((weight * y).sum(axis=-1) / total)[..., None]
+    return np.asarray(np.log(weight).sum(axis=-1) - np.log(total) - (weight * left**2).sum(axis=-1)) / 2
 
 
 def _scatter_sd(weight: Floats, between: float) -> float | None:
