@@ -40,7 +40,7 @@ def _context(report: MaterialReport, settings: Settings | None) -> dict[str, Any
 
     material = material_of(report)
     return {
-        "name": base_name(report.image.name),
+        "name": " + ".join(base_name(one.image.name) for one in report.photographs or [report]),
         "stem": stem(report.image.name),
         "style": STYLE.read_text(encoding="utf-8"),
         "answer": answer(report, material),

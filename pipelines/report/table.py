@@ -182,9 +182,11 @@ def _models(report: MaterialReport, best: Fit) -> Table:
 
 
 def _unlike(fit: Fit, report: MaterialReport) -> dict[str, str]:
-    """The variant, where another fit of the same model has another one."""
-    twins = [other for other in report.fits if other.model == fit.model and dict(other.variant) != dict(fit.variant)]
-    return dict(fit.variant) if twins else {}
+    """The options in which another fit of the same model differs."""
+    twins = [other.variant for other in report.fits if other.model == fit.model]
+    return {
+        option: choice for option, choice in fit.variant.items() if any(twin.get(option) != choice for twin in twins)
+    }
 
 
 def _below(best: Fit, fit: Fit, converged: bool) -> str:
