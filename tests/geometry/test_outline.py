@@ -107,8 +107,8 @@ def _hold_on_the_glossy_ball(found: dict[str, Found]) -> None:
 
 
 def test_a_glossy_ball_is_found_under_every_light() -> None:
-    """Six lights on a real ball agree with its mask, and with each other to a tenth of a pixel."""
-    _hold_on_the_glossy_ball(_glossy_ball(8))
+    """Four lights on a real ball agree with its mask, and with each other to a tenth of a pixel."""
+    _hold_on_the_glossy_ball(_glossy_ball(12))
 
 
 @pytest.mark.slow
@@ -124,8 +124,8 @@ def _gray_ball(numbers: Iterable[int]) -> dict[str, Found]:
 
 
 def test_a_gray_ball_lies_within_a_pixel_of_its_mask() -> None:
-    """Two of the twelve photographs, 8 bits, before a bright background."""
-    assert all(np.abs(_shape(found) - GRAY).max() < 1.0 for found in _gray_ball([0, 8]).values())
+    """One of the twelve photographs, 8 bits, before a bright background."""
+    assert all(np.abs(_shape(found) - GRAY).max() < 1.0 for found in _gray_ball([8]).values())
 
 
 @pytest.mark.slow

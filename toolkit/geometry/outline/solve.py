@@ -31,6 +31,7 @@ MEANS = np.array([True, False, True, False, False, False])
 LEAST = 0.003
 SETTLED = 0.003  # samples
 ACCURACY = 0.01  # samples, of the limb's model in its own numbers
+CHANCE = 3.0  # sds of chi-square that are no misfit yet
 LAGS = 2  # stretches whose errors may go together
 
 
@@ -331,8 +332,8 @@ def _unexplained_px(samples: Stretches, view: _View, linear: _Linear, change: Fl
     beside = samples.there & (np.abs(view.depth - BESIDE / 2) < BESIDE / 2)
     noise = samples.gain * np.maximum(linear.predicted, 0.0) + samples.read**2
     # a shift that is common to all would show in the residuals' mean over stretches, not only in their scatter
-    beyond = (samples.value - linear.predicted) ** 2 - noise
-    left2 = np.sum(beyond / noise, where=beside)
+    beyond = np.sum((samples.value - linear.predicted) ** 2 / noise - 1.0, where=beside)
+    left2 = beyond - CHANCE * np.sqrt(2.0 * np.count_nonzero(beside))
     return float(np.sqrt(max(left2, 0.0) / max(np.sum(change[..., 2] ** 2 / noise, where=beside), 1e-12)))
 
 
