@@ -34,7 +34,7 @@ def directions(count: int) -> np.ndarray:
 
 
 def best_s(run: Callable[[], object]) -> float:
-    """Seconds of the fastest of three runs."""
+    """Processor seconds of the fastest of three runs, which other jobs on the machine lengthen least."""
     taken = []
     for _ in range(3):
         start = time.process_time()

@@ -1,7 +1,7 @@
 """Round trip: a ball rendered with each registered lobe and fitted with the same gives its numbers back.
 
 Renders integrate over each pixel's area, fits look at sums over cells: the two share the lobe alone, which has oracles
-of its own under tests/reflectance. 20 photographs of every lobe always, 200 in the slow tests.
+of its own under tests/reflectance. 20 photographs of every lobe always, 200 and 1,000 in the slow tests.
 """
 
 from __future__ import annotations
@@ -48,9 +48,8 @@ def test_every_lobe_finds_itself_many_times(how: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOBES)
 def test_each_lobe_alone_states_its_errors_truly(name: str) -> None:
-    """Mean z^2 of 200 photographs of one lobe is 1 as nearly as chance allows: its numbers share their noise."""
-    landing = at_the_optimum(name, range(1, 201))
-    by_photograph = np.mean(landing.z**2, axis=1)
-    allowed = 3.5 * by_photograph.std(ddof=1) / np.sqrt(len(by_photograph))
-    assert abs(by_photograph.mean() - 1.0) < min(allowed, 0.2)
+    """Of one lobe 1,000 photographs: with 200, whose numbers share their noise, mean z^2 errs by up to 0.09."""
+    landing = at_the_optimum(name, range(1, 1001))
+    assert np.abs(landing.z[:200]).max() < 5.0
+    assert 0.9 < np.mean(landing.z**2) < 1.1
     assert 0.84 < landing.held.mean() < 0.96
