@@ -15,7 +15,8 @@ from .rows import Row, row_of
 from .tables import pooled_rows, write_csv, write_dictionary, write_json, write_parquet
 
 if TYPE_CHECKING:
-    from .whole import Ending, Options
+    from .plan import Options
+    from .whole import Ending
 
 PAGE, TABLE, OBJECT = "batch.html", "batch.csv", "batch.json"
 PARQUET, MATERIALS, DICTIONARY = "batch.parquet", "batch.materials.csv", "batch.columns.csv"

@@ -17,7 +17,8 @@ from .terminal import Terminal
 if TYPE_CHECKING:
     from pipelines.batch.job import Outcome
     from pipelines.batch.photograph import Photograph
-    from pipelines.batch.whole import Ending, Item, Options
+    from pipelines.batch.plan import Item, Options
+    from pipelines.batch.whole import Ending
     from pipelines.settings import Settings
 
     from .progress import Watch
@@ -108,7 +109,7 @@ def _photographs(inputs: tuple[str, ...], where: BatchFlags) -> list[Photograph]
 
 def _options(where: BatchFlags, scene: SceneFlags, what: FitFlags) -> Options:
     import toolkit
-    from pipelines.batch.whole import Options
+    from pipelines.batch.plan import Options
 
     flags = [*scene.layers(), *what.layers()]
 
@@ -133,8 +134,8 @@ def _options(where: BatchFlags, scene: SceneFlags, what: FitFlags) -> Options:
 
 
 def _plan(photographs: list[Photograph], options: Options, terminal: Terminal) -> int:
+    from pipelines.batch.plan import plan
     from pipelines.batch.rows import shown_name
-    from pipelines.batch.whole import plan
 
     codes = []
     for item in plan(photographs, options):
@@ -152,8 +153,8 @@ def _plan(photographs: list[Photograph], options: Options, terminal: Terminal) -
 
 def _run(photographs: list[Photograph], options: Options, where: BatchFlags, terminal: Terminal) -> int:
     from pipelines.batch.crew import crew
+    from pipelines.batch.plan import grouped
     from pipelines.batch.whole import batch as run_batch
-    from pipelines.batch.whole import grouped
 
     from .progress import watching
 

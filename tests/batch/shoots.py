@@ -13,7 +13,8 @@ from typing import Any
 from pipelines.batch.crew import Crew
 from pipelines.batch.inputs import photographs
 from pipelines.batch.job import Job, Outcome
-from pipelines.batch.whole import Ending, Options, batch
+from pipelines.batch.plan import Options
+from pipelines.batch.whole import Ending, batch
 from pipelines.settings import Settings
 
 from . import fake

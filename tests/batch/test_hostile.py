@@ -13,8 +13,9 @@ from urllib.parse import unquote
 import pytest
 
 from pipelines.batch.photograph import Photograph
+from pipelines.batch.plan import Options
 from pipelines.batch.tables import FORMULA
-from pipelines.batch.whole import Options, batch
+from pipelines.batch.whole import batch
 from pipelines.report.text import clean
 from pipelines.settings import Settings
 from tests.browser.devtools import tab

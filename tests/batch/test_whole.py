@@ -12,7 +12,8 @@ import pytest
 
 from pipelines.batch.inputs import photographs
 from pipelines.batch.journal import NAME
-from pipelines.batch.whole import Ending, Options, batch
+from pipelines.batch.plan import Options
+from pipelines.batch.whole import Ending, batch
 from pipelines.settings import FitTable, Settings
 from toolkit.errors import UsageError
 
