@@ -58,7 +58,7 @@ def test_a_broken_assumption_is_seen(tmp_path: Path, trial: Trial) -> None:
 
 def _chance(trial: Trial, folder: Path) -> float:
     path, _ = write(as_asked(shoot(trial), trial.broken, trial.amount), folder, trial.name)
-    image, scene, _ = locate(read(path), resolve(path))
+    image, scene, *_ = locate(read(path), resolve(path))
     problem = pose(Model.named(trial.model, trial.diffuse), scene, gather_for(image, scene), image.noise)
     optimum, _ = fit_with_shifts(problem, shifts_of(scene))
     return structure_p(optimum)
