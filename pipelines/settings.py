@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from toolkit.geometry.lights import AnyLight
+from toolkit.geometry.lights.base import LARGEST, Number, Positive
 from toolkit.records import Camera, Metadata, Noise, Projection, Sphere
 
 DEFAULT_MODELS = ("torrance-sparrow", "phong", "blinn-phong", "beckmann", "ggx")
@@ -50,9 +51,8 @@ def _known_lobe(kind: Literal["diffuse", "specular"]) -> AfterValidator:
     return AfterValidator(check)
 
 
-Pair = tuple[float, float]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Pair = tuple[Number, Number]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 Share = Annotated[float, Field(gt=0, le=1)]
 PositiveColour = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
 Colour = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(_three)]

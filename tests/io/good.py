@@ -110,9 +110,9 @@ def all_kinds(folder: Path):
 
 
 def mutant(data: bytes, rng: np.random.Generator) -> bytes:
-    """A file with a few bytes changed (half of them in the header), a part zeroed or doubled, or cut short."""
+    """A file with a few bytes or a number changed (half of them in the header), a part zeroed or doubled, or cut."""
     changed = bytearray(data)
-    kind = rng.integers(0, 8)
+    kind = rng.integers(0, 10)
     reach = min(len(changed), 600) if rng.random() < 0.5 else len(changed)
     if kind <= 4:
         for _ in range(int(rng.integers(1, 9))):
@@ -125,6 +125,18 @@ def mutant(data: bytes, rng: np.random.Generator) -> bytes:
         changed[start:stop] = bytes(stop - start)
     elif kind == 6:
         changed[start:start] = changed[start:stop]
-    else:
+    elif kind == 7:
         del changed[start + 1 :]
+    else:
+        _change_number(changed, start, rng)
     return bytes(changed)
+
+
+def _change_number(data: bytearray, start: int, rng: np.random.Generator) -> None:
+    """A length, count, offset or dimension that lies: two, four or eight bytes in either order of bytes."""
+    size = int(rng.choice([2, 4, 8]))
+    at = min(start, max(len(data) - size, 0))
+    top = 1 << (8 * size)
+    near = int.from_bytes(data[at : at + size], "little") + int(rng.integers(-2, 3))
+    number = [0, 1, top - 1, top // 2, top // 2 - 1, near % top, int(rng.integers(0, 1 << 16))][int(rng.integers(0, 7))]
+    data[at : at + size] = (number % top).to_bytes(size, "little" if rng.random() < 0.5 else "big")

@@ -214,7 +214,7 @@ def test_an_exr_tells_of_its_camera(tmp_path):
     ("values", "message"),
     [
         (np.full((48, 64, 3), 0.5, np.float32), "every sample is the same"),
-        (np.full((48, 64, 3), np.nan, np.float32), "every sample is the same"),
+        (np.full((48, 64, 3), np.nan, np.float32), "no sample is a finite number"),
         (good.picture(6, 64).astype(np.float32), "64 x 6 pixels"),
     ],
 )

@@ -7,8 +7,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-Positive = Annotated[float, Field(gt=0)]
-Vector = tuple[float, float, float]
+LARGEST = 1e12  # of any number: beyond all use, and its square still a number
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+Degrees = Annotated[float, Field(ge=0, le=90)]
+Vector = tuple[Number, Number, Number]
 Colour = tuple[Positive, Positive, Positive]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .base import Colour, LightModel, Vector, unit
+from .base import Colour, Degrees, LightModel, Vector, unit
 
 
 class DirectionalLight(LightModel):
@@ -16,9 +16,9 @@ class DirectionalLight(LightModel):
 
     kind: Literal["directional"] = "directional"
     direction: Vector
-    direction_sd_deg: float | None = None
+    direction_sd_deg: Degrees | None = None
     irradiance: Colour | None = None
-    angular_radius_deg: float = 0.0
+    angular_radius_deg: Degrees = 0.0
 
     def model_post_init(self, _: object) -> None:
         """Normalise the direction; raises ValueError on one of length zero."""

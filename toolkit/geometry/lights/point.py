@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .base import Colour, LightModel, Vector, unit
+from .base import Colour, Degrees, LightModel, Vector, unit
 
 
 class PointLight(LightModel):
@@ -16,9 +16,9 @@ class PointLight(LightModel):
 
     kind: Literal["point"] = "point"
     position: Vector
-    direction_sd_deg: float | None = None
+    direction_sd_deg: Degrees | None = None
     irradiance: Colour | None = None
-    angular_radius_deg: float = 0.0  # as seen from the sphere's centre
+    angular_radius_deg: Degrees = 0.0  # as seen from the sphere's centre
 
     def model_post_init(self, _: object) -> None:
         """Refuse a light inside the sphere."""
