@@ -3,8 +3,8 @@
 python -m tests.benchmarks.isolation     prints the figures; `make bench` calls `main()`
 
 A 24-megapixel mosaic as DNG, read both ways in turn; each pair's difference is one measurement, so that a machine that
-is busy for a while is so for both. What a caller waits for is counted: the child's start, its imports, the pixels handed
-over and the digest, to the record in hand.
+is busy for a while is so for both. What a caller waits for is counted: the child's start, its imports, the pixels
+handed over and the digest, to the record in hand.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ def main(pairs: int = PAIRS) -> list[dict[str, Any]]:
     median = statistics.median(beyond)
     sys.stdout.write(
         f"24 megapixels: apart {statistics.median(apart):.3f} s, within {statistics.median(within):.3f} s; "
-        f"isolation costs {median:.3f} s (quickest pair {min(beyond):.3f}, slowest {max(beyond):.3f}), target {MOST_S}\n"
+        f"isolation costs {median:.3f} s "
+        f"(least {min(beyond):.3f}, most {max(beyond):.3f}), target {MOST_S}\n"
     )
     name = "isolation: seconds beyond decoding within the process, 24 megapixels"
     return [{"name": name, "figure": median, "target": MOST_S, "met": median <= MOST_S}]

@@ -182,7 +182,13 @@ MISTAKES = tuple(
         # the photograph
         ("no sphere", "noball.dng", 3, "noball.dng: no sphere found*; expected a*ball*give --sphere CX,CY,R"),
         ("hardly a number in it", "nan.exr", 3, "nan.exr: no sphere found*expected a*give --sphere CX,CY,R"),
-        ("sphere cut by the frame", "cut.dng", 3, "cut.dng: *expected a whole ball*--sphere*"),
+        (
+            "sphere cut by the frame",
+            "cut.dng",
+            3,
+            "cut.dng: the sphere at (*, *) with radius * px is cut by the frame; "
+            "expected a whole ball: photograph it from further away",
+        ),
         (
             "sphere cut by the frame, as told",
             f"cut.dng {_known('20,63,48')}",

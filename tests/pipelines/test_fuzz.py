@@ -104,9 +104,7 @@ flags = st.one_of(
 ).map("=".join)
 
 
-@settings(
-    max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(words=st.lists(flags, min_size=1, max_size=3))
 def test_odd_flags_are_usage_in_one_line(ball: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     """Exit 2 and one line, or settings that are planned; a file is never blamed for a flag."""

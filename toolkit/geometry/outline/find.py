@@ -89,7 +89,7 @@ def _none(cut: list[_Ball]) -> BadInputError:
     x, y, radius = _largest(cut).limb.state.shape
     return BadInputError(
         f"the sphere at ({x:.0f}, {y:.0f}) with radius {radius:.0f} px is cut by the frame; "
-        "expected a whole ball: photograph it whole, or give --sphere CX,CY,R"
+        "expected a whole ball: photograph it from further away"
     )
 
 
