@@ -20,6 +20,8 @@ CANDIDATES = 6  # circles whose shading and limb are looked at
 RADII = (40.0, 100.0, 220.0)  # samples in the radius, at each step of refinement
 LEAST_ARC, SURE_ARC = 0.22, 0.35  # of the circumference with a limb on the outline
 WORST_SHADING = 0.6
+FRONTAL = np.cos(np.radians(10.0))  # of the light's z, from which a limb has no body to be seen by
+FRONTAL_SD = 0.015  # of the radius: how far off such an outline was seen to be
 WHOLE_ARC = 0.7  # from which no other outline is looked for in the same place
 AGAIN = 3  # rounds of samples at most, where the outline moves by more than one
 RIVAL = 0.85  # of the best one's score
@@ -107,13 +109,16 @@ def _balls(image: LinearImage, camera: Camera, found: list[Floats]) -> list[_Bal
 
 def _told(ball: _Ball, rivals: bool) -> Found:
     x, y, radius = (float(v) for v in ball.limb.state.numbers[:3])
-    covariance = ball.limb.covariance
+    frontal = float(ball.limb.state.light[2]) > FRONTAL
+    covariance = ball.limb.covariance + (FRONTAL_SD * radius * frontal) ** 2 * np.eye(3)
     sd = float(np.sqrt(np.diag(covariance).max()))
     reason = ""
     if rivals:
         reason = "another outline explains the photograph nearly as well"
     elif ball.arc < SURE_ARC:
         reason = f"only {100 * ball.arc:.0f} % of the outline was seen"
+    elif frontal:
+        reason = "the light stands behind the camera: the limb is dark"
     elif not ball.settled:
         reason = "the fit of the outline did not come to stand"
     elif sd > max(0.3, 0.005 * radius):
