@@ -68,17 +68,17 @@ def confidently_wrong(one: Seen) -> bool:
     return not one.uncertain and (one.off_px or 0.0) > 0.2 and (one.chi2 or 0.0) > chi2.ppf(1 - 1e-6, 3)
 
 
-def _hold(all_seen: list[Seen]) -> None:
+def _hold(all_seen: list[Seen], *, least: float) -> None:
     fine = sum(s.off_px is not None and s.off_px < 0.1 for s in all_seen)
-    assert fine >= 0.95 * len(all_seen)
+    assert fine >= least
     assert not any(map(confidently_wrong, all_seen))
     assert covered(all_seen)
     assert not covered(all_seen, sds_told=0.2)  # negative control: errors told five times too small are noticed
 
 
 def test_rendered_balls_are_found_to_a_tenth_of_a_pixel() -> None:
-    """Of 20 renders, light 0 to 120 degrees off the axis, 19 at least; errors cover; none is wrong unflagged."""
-    _hold([seen(seed) for seed in range(1000, 1020)])
+    """Of 20 renders as many as 95 % allow (at 1 %), light 0 to 120 degrees; errors cover; none is wrong unflagged."""
+    _hold([seen(seed) for seed in range(1000, 1020)], least=binom.ppf(1 - SURE, 20, 0.95))
 
 
 @pytest.mark.parametrize("seed", [113, 142])
@@ -92,8 +92,8 @@ def test_a_light_behind_the_camera_is_flagged(seed: int) -> None:
 
 @pytest.mark.slow
 def test_500_rendered_balls_are_found_to_a_tenth_of_a_pixel() -> None:
-    """The same over 500 renders."""
-    _hold([seen(seed) for seed in range(500)])
+    """At least 475; errors cover; none is wrong unflagged."""
+    _hold([seen(seed) for seed in range(500)], least=475)
 
 
 def _found_in(photographs: Iterable[tuple[str, LinearImage]]) -> dict[str, Found]:
