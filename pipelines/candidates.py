@@ -5,10 +5,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
@@ -18,6 +17,7 @@ from toolkit.inference.model import Model
 from toolkit.records import Fit, LinearImage, Scene
 
 from .clock import Progress
+from .interrupts import interrupts_held
 from .settings import Settings, model_and_variant
 
 FEWEST_CELLS = 60  # per channel: fewer lit, unclipped cells cannot hold a fit
@@ -111,7 +111,7 @@ def _in_forks(pairs: Sequence[Pair], workers: int) -> Generator[Fit, None, None]
     fork = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent) as pool:
         try:
-            with _interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
+            with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
                 found = pool.map(_run, pairs)
             yield from found
         except BaseException:
@@ -122,22 +122,6 @@ def _in_forks(pairs: Sequence[Pair], workers: int) -> Generator[Fit, None, None]
 
 def _leave_interrupts_to_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """An interrupt that comes meanwhile is raised at the end; only the main thread gets any."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if held:
-        raise KeyboardInterrupt
 
 
 ALONE = "FIT_MATERIAL_ONE_PROCESS"  # set where the cores are busy with other photographs

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from .interrupts import interrupts_held
+
 Progress = Callable[[str, float], None]
 
 
@@ -31,7 +33,10 @@ class Clock:
 
 @contextmanager
 def imported_meanwhile(*modules: str) -> Iterator[None]:
-    """Import modules in the background while a child process decodes: half a second that nobody waits for."""
+    """Import modules in the background while a child process decodes: half a second that nobody waits for.
+
+    An interrupt in the midst of an import can leave Python's import lock taken and be lost itself: it waits till then.
+    """
 
     def load() -> None:
         for module in modules:
@@ -39,5 +44,6 @@ def imported_meanwhile(*modules: str) -> Iterator[None]:
 
     thread = threading.Thread(target=load, daemon=True)
     thread.start()
-    yield
-    thread.join()
+    with interrupts_held():
+        yield
+        thread.join()

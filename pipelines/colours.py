@@ -44,6 +44,7 @@ def separate_colours(
 
     row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
     (x0, y0), step = picture.origin_px, picture.step_px
+    values = picture.values - np.asarray(fit.colours["pedestal"], np.float32)  # an error of black turns dim colours
     seen: dict[str, Any] = {
         "variance": image.noise,
         "usable": usable_samples(image),
@@ -53,13 +54,13 @@ def separate_colours(
     try:
         white = image.metadata.as_shot_neutral
         light = best_illuminant(
-            picture.values,
+            values,
             **seen,
             known=_known_illuminants(scene, settings, fit, reference, colour),
             camera_white=np.array(white) if len(white) == 3 else None,
         )
         return separate(
-            picture.values,
+            values,
             **seen,
             light_colour=light.colour,
             light_covariance=light.covariance,

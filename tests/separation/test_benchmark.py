@@ -42,7 +42,7 @@ def test_a_missed_target_is_told_as_missed() -> None:
             methods["known shape"] = bad if case == "grey" else good
             limit = {"psnr_db": 100.2, "relative_rms": 0.0}
             rows.append({"case": case, "noise": noise, "limit": limit, "methods": methods})
-    hidden = [{"psnr_db": 30.0, "colour_psnr_db": 30.0, "flags": [], "disagree": False}]
+    hidden = [{"psnr_db": 30.0, "colour_psnr_db": 30.0, "flags": []}]
     lights = {"colour": 1.0, "shape": 1.0}
     asked = targets(rows, lights, {"colour only": 0.01, "known shape": 3.0}, hidden)
     missed = [each["what"].split(",")[0] for each in asked if not each["met"]]

@@ -16,11 +16,12 @@ from toolkit.flags import Flag
 from toolkit.records import Agreement, ColourLayers, Fit, Floats, ModelLayers
 
 SURE_ANGLE_DEG = 10.0  # between body and light, below which 1 % noise leaves colour a fifth of the highlight
-DISAGREE = 0.1  # of the specular layer's rms: from which the two answers differ
-CONTRADICT = 0.5  # from which no wrong lobe explains the difference, but a hue that varies over the body does
+TILT_RAD = 0.02  # of the body's colour: by so much a mosaic, a lens's fringes, an error of black turn it unseen
+DISAGREE = 0.5  # of the specular layer's rms: no wrong lobe explains as much, but a hue that varies over the body does
 BLOCK = 4  # pixels across the squares whose means are compared
 LIMB = 0.03  # of the sphere's box: so near to the outline blur and the quads' own size make colours of two places one
 SIGNIFICANT_SDS = 4.0  # of what noise alone makes of their difference
+DOUBTED = (Flag.POOR_FIT, Flag.STRUCTURED_RESIDUALS)  # without them the difference is colour's own trouble
 NO_GROUND = (Flag.COLOUR_CANNOT_SEPARATE, Flag.MATTE_LINE_BENT, Flag.POOR_FIT)  # of colour's own layers
 
 
@@ -30,10 +31,10 @@ def agreement(colours: ColourLayers | None, layers: ModelLayers, fit: Fit) -> Ag
     """
     if colours is None or Flag.COLOUR_CANNOT_SEPARATE in colours.flags:
         return Agreement(preferred="shape", reason="colour cannot separate here", difference=None, disagree=False)
-    difference, significant = _difference(colours, layers)
+    difference, plain = _difference(colours, layers)
     preferred, reason = _preferred(colours, fit, difference or 0.0)
-    heard = significant and not any(flag in colours.flags for flag in NO_GROUND)
-    disagree = difference is not None and heard and difference > DISAGREE
+    sound = colours.angle_deg >= SURE_ANGLE_DEG and not any(flag in colours.flags for flag in NO_GROUND)
+    disagree = plain and sound and any(flag in fit.flags for flag in DOUBTED)
     return Agreement(preferred=preferred, reason=reason, difference=difference, disagree=disagree)
 
 
@@ -45,7 +46,7 @@ def _preferred(colours: ColourLayers, fit: Fit, difference: float) -> tuple[Lite
         )
     if any(flag in colours.flags for flag in NO_GROUND):
         return "shape", "the colours show no plain matte line"
-    if difference > CONTRADICT:
+    if difference > DISAGREE:
         return "shape", "colour sees a highlight that no lobe leaves room for, as where the body's hue varies"
     if Flag.POOR_FIT in fit.flags:
         return "colour", "the lobes leave residuals far above the noise, and colour needs no lobe"
@@ -53,21 +54,26 @@ def _preferred(colours: ColourLayers, fit: Fit, difference: float) -> tuple[Lite
 
 
 def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | None, bool]:
-    """Relative rms of the difference of block means beyond noise, and whether noise alone cannot be the reason."""
+    """Relative rms of the difference of block means beyond noise, and whether it is plainly one.
+
+    Plain is what noise does not explain, nor a slight turn of the body's colour: that shifts light between the layers
+    by the turn over the sine of the angle between body and light.
+    """
     light = np.asarray(colours.light_colour, float)
     by_colour, by_shape = (np.asarray(layer, float) @ light for layer in (colours.specular, layers.specular))
-    variance = np.asarray(colours.covariance[..., 2], float)
+    variance, body = np.asarray(colours.covariance[..., 2], float), np.linalg.norm(layers.diffuse, axis=-1)
     both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & layers.used.all(axis=-1)
-    apart, noise, shown, count = (
-        _blocks(np.where(both, layer, 0.0)) for layer in (by_colour - by_shape, variance, by_shape, np.ones(both.shape))
-    )
+    parts = (by_colour - by_shape, variance, by_shape, body, np.ones(both.shape))
+    apart, noise, shown, matte, count = (_blocks(np.where(both, layer, 0.0)) for layer in parts)
     full = count == BLOCK**2
     power = float(np.mean(shown[full] ** 2)) if full.any() else 0.0
     if power <= 0.0:
         return None, False
     beyond = float(np.mean(apart[full] ** 2 - noise[full]))
-    chance = float(np.sqrt(2.0 * np.sum(noise[full] ** 2))) / np.count_nonzero(full)
-    return float(np.sqrt(max(beyond, 0.0) / power)), bool(beyond > SIGNIFICANT_SDS * chance)
+    chance = SIGNIFICANT_SDS * float(np.sqrt(2.0 * np.sum(noise[full] ** 2))) / np.count_nonzero(full)
+    turned = (TILT_RAD / np.sin(np.radians(colours.angle_deg))) ** 2 * float(np.mean(matte[full] ** 2))
+    plain = beyond > max(chance, turned, DISAGREE**2 * power)
+    return float(np.sqrt(max(beyond, 0.0) / power)), plain
 
 
 def _blocks(layer: Floats) -> Floats:
