@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
+
+import numpy as np
 
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
@@ -16,6 +19,7 @@ from .reference import lit_by_reference
 from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
 
 SMOOTH_SHARE = 0.95  # of the radius: what lies within is the ball, smooth but for its noise
+SHADED_SD_PX = 0.3  # between a ball's outline and the sphere that its shading shows, as on real photographs
 ESTIMATED_LIGHT_SD_DEG = 3.0  # at least, of a light read off its own highlight
 
 
@@ -43,6 +47,7 @@ def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Locate
         whole = linearise(frame, transfer=transfer, noise=noise)
         with exposure_explains(whole):
             sphere, uncertain = detected(whole, camera, settings.image.pick_px)
+        sphere = _as_shaded(sphere)
         flags += [Flag.SPHERE_UNCERTAIN] if uncertain else []
     check_sphere(sphere, width, height)
     lights = lights_of(settings)
@@ -59,6 +64,12 @@ def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Locate
         flags.append(Flag.LIGHT_ESTIMATED)
     scene, reference = lit_by_reference(scene, image, frame, settings, folder)
     return Located(image, scene, reference, tuple(flags))
+
+
+def _as_shaded(sphere: Sphere) -> Sphere:
+    """A detected sphere as a fit may trust it: an outline sharper than a real ball's shading is a sphere's."""
+    more = SHADED_SD_PX**2 * np.eye(3)
+    return replace(sphere, covariance_px2=np.asarray(sphere.covariance_px2) + more)
 
 
 def _smooth_disc(sphere: Sphere) -> tuple[float, float, float]:

@@ -21,8 +21,8 @@ from toolkit.records import MaterialReport
 
 from . import fakes
 
-RESULT_KEYS = ["schema", "status", "error", "flags", "image", "camera", "noise", "scale", "sphere", "lights"]
-RESULT_KEYS += ["separation", "fits", "best", "preferred", "elpd_difference", "software"]
+RESULT_KEYS = ["schema", "status", "error", "flags", "image", "camera", "noise", "scale", "reference", "colour"]
+RESULT_KEYS += ["sphere", "lights", "separation", "fits", "best", "preferred", "elpd_difference", "software"]
 
 
 @functools.cache

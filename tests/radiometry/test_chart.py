@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-import colour
 import numpy as np
 import pytest
 
 from tests import realdata
 from toolkit.errors import BadInputError
 from toolkit.io.read import read_in_process
-from toolkit.radiometry.chart import Chart, colour_of_chart, find_chart, leave_one_out, reference_xyz
+from toolkit.radiometry.chart import (
+    Chart,
+    colour_of_chart,
+    colour_science,
+    find_chart,
+    leave_one_out,
+    reference_xyz,
+)
 from toolkit.radiometry.colour import D65, XYZ_TO_SRGB, camera_colour, to_xyz
 from toolkit.radiometry.linearise import linearise
 from toolkit.radiometry.quads import Quads, quads
 
+colour = colour_science()
 CAMERA = np.array([[0.62, 0.31, 0.05], [0.22, 0.70, 0.12], [0.04, 0.18, 0.66]])  # linear sRGB to camera, rows sum not 1
 LIGHT = np.array([0.9, 1.6, 1.1])
 
@@ -94,3 +101,9 @@ def test_what_is_no_chart_is_refused_in_a_line(photograph: Quads) -> None:
     usable[y - 4 : y + 5, x - 4 : x + 5] = False
     with pytest.raises(BadInputError, match="clipped"):
         find_chart(photograph.values, usable)
+
+
+def test_colour_science_leaves_numpy_printing_as_it_was() -> None:
+    """Importing it alone would bring back the spaces of numpy 1.13."""
+    assert colour_science() is colour
+    assert repr(np.array([1.0])) == "array([1.])"

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import colour
 import numpy as np
 import pytest
 
 from tests import realdata
 from toolkit.io.read import read_in_process
+from toolkit.radiometry.chart import colour_science
 from toolkit.radiometry.colour import BRADFORD, D50, D65, ILLUMINANTS, XYZ_TO_SRGB, adaptation, camera_colour, to_xyz
 from toolkit.radiometry.colour import temperature as cct
 from toolkit.records import Metadata
 
+colour = colour_science()
 COLOUR_A = ((0.80, -0.25, 0.02), (-0.40, 1.25, 0.18), (-0.06, 0.20, 0.62))
 COLOUR_D65 = ((0.69, -0.19, -0.06), (-0.45, 1.24, 0.23), (-0.08, 0.21, 0.56))
 DUAL = Metadata(xyz_to_camera=COLOUR_A, xyz_to_camera_2=COLOUR_D65, calibration_illuminants=(17, 21))

@@ -65,10 +65,17 @@ def colour_of_chart(chart: Chart) -> CameraColour:
     return CameraColour(to_srgb=XYZ_TO_SRGB @ to_xyz, source="chart", delta_e=delta_e, white=white)
 
 
+def colour_science() -> Any:  # noqa: ANN401  # it ships no types
+    """The module `colour`; importing it changes how numpy prints arrays, which is undone."""
+    with np.printoptions():
+        import colour
+
+    return colour
+
+
 def reference_xyz() -> Floats:
     """The patches' published XYZ (24, 3) under D65, a perfect white at Y = 1."""
-    import colour
-
+    colour = colour_science()
     chart = colour.CCS_COLOURCHECKERS[REFERENCE]
     measured = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
     return np.asarray(measured @ adaptation(colour.xy_to_XYZ(chart.illuminant), D65).T)
@@ -97,8 +104,7 @@ def leave_one_out(patches: Floats, reference: Floats) -> Floats:
 
 
 def _left_out(patches: Floats, reference: Floats, one: int) -> float:
-    import colour
-
+    colour = colour_science()
     others = np.arange(len(patches)) != one
     greys = [grey for grey in NEUTRAL if grey != one]
     white = white_of(patches[greys], reference[greys])
