@@ -43,7 +43,7 @@ bench-separation: $(PEERS)  ## separation by colour beside its rivals and its li
 
 validate: $(READY)  ## the slow statistical tests, and renders of known truth beside the stored record
 	$(BIN)/python -m pytest -m slow
-	$(BIN)/fit-material validate quick --out build/validation --overwrite --against tests/validation/record.json
+	$(BIN)/fit-material validate standard --out build/validation --overwrite --against tests/validation/record.json
 
 lock:            ## resolve requirements anew (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header pyproject.toml -o requirements/run.txt
