@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import json
 import re
 import runpy
 import subprocess
@@ -87,21 +88,36 @@ def test_a_new_lobe_gets_its_page(minnaert, maker):
     assert "[minnaert](minnaert.md)" in made["README.md"]
 
 
-def test_a_new_lobe_gets_its_choice_on_the_command_line(minnaert):
-    """`fit-material models` lists it, in a process of its own that imports the file first."""
-    _, folder = minnaert
+def in_a_process(minnaert, *words):
+    """The command line in a process of its own that imports the new file first."""
     script = "import sys, minnaert\nfrom pipelines.cli import main\nsys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", script, "models"],
+    return subprocess.run(
+        [sys.executable, "-c", script, *words],
         cwd=DOCS.parent,
-        env={"PYTHONPATH": f"{folder}:{DOCS.parent}", "PATH": "/usr/bin:/bin"},
+        env={"PYTHONPATH": f"{minnaert[1]}:{DOCS.parent}", "PATH": "/usr/bin:/bin"},
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def test_a_new_lobe_gets_its_choice_on_the_command_line(minnaert):
+    """`fit-material models` lists it."""
+    done = in_a_process(minnaert, "models")
     assert done.returncode == 0, done.stderr
     assert "minnaert" in done.stdout
     assert "limb_exponent" in done.stdout
+
+
+def test_a_new_lobe_is_fitted_by_its_name(minnaert, tmp_path):
+    """`--diffuse minnaert` fits it to the demo; a name that is not registered is refused."""
+    words = ["docs/demo/demo.dng", "--model", "ggx", "--preset", "quick", "--no-report", "--json", "--diffuse"]
+    done = in_a_process(minnaert, *words, "minnaert", "--out", str(tmp_path / "new"))
+    assert done.returncode == 0, done.stderr
+    (fit,) = json.loads(done.stdout)["fits"]
+    assert fit["diffuse"] == "minnaert"
+    assert fit["parameters"]["limb_exponent"]["sd"] > 0
+    assert in_a_process(minnaert, *words, "minnaer", "--out", str(tmp_path / "none")).returncode == 2
 
 
 def test_a_name_is_taken_once(minnaert):
