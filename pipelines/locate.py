@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from .checks import check_lights, check_sphere
 from .exposure import check_exposure, exposure_explains
 from .reference import lit_by_reference
 from .settings import Settings, camera_of, lights_of, noise_of_settings, sphere_of
+
+if TYPE_CHECKING:
+    from toolkit.geometry.highlight import LightFound
+    from toolkit.radiometry.quads import Quads
 
 SMOOTH_SHARE = 0.95  # of the radius: what lies within is the ball, smooth but for its noise
 SHADED_SD_PX = 0.3  # between a ball's outline and the sphere that its shading shows, as on real photographs
@@ -88,12 +92,11 @@ def detected(whole: LinearImage, camera: Camera, pick_px: tuple[float, float] | 
     return found.sphere, found.uncertain
 
 
-def _estimate_light(image: LinearImage, scene: Scene) -> Scene:
+def light_seen(picture: Quads, scene: Scene) -> LightFound:
+    """The far light that the ball's own highlight tells of; raises BadInputError where it tells of none."""
     from toolkit.geometry.highlight import light_from_highlight
-    from toolkit.radiometry.quads import quads
 
-    picture = quads(image)
-    found = light_from_highlight(
+    return light_from_highlight(
         picture.values,
         sphere=scene.sphere,
         camera=scene.camera,
@@ -101,5 +104,11 @@ def _estimate_light(image: LinearImage, scene: Scene) -> Scene:
         step_px=picture.step_px,
         flags=picture.flags,
     )
+
+
+def _estimate_light(image: LinearImage, scene: Scene) -> Scene:
+    from toolkit.radiometry.quads import quads
+
+    found = light_seen(quads(image), scene)
     light = DirectionalLight(direction=found.direction, direction_sd_deg=max(found.sd_deg, ESTIMATED_LIGHT_SD_DEG))
     return Scene(camera=scene.camera, sphere=scene.sphere, lights=(light,), light_source="estimated", scale="relative")

@@ -33,13 +33,10 @@ def write_card(path: Path, report: MaterialReport, key: Mapping[str, str]) -> No
 
 def read_card(path: Path) -> Mapping[str, Any]:
     """A card as written; empty where there is none that can be read."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            return {}
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) and found.get("schema") == SCHEMA else {}
+    from pipelines.report.stored import read_result
+
+    found = read_result(path, max_bytes=MAX_BYTES)
+    return found if found.get("schema") == SCHEMA else {}
 
 
 def _looks(report: MaterialReport) -> dict[str, Any]:

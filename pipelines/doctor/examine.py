@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipelines.locate import detected, locate
+from pipelines.locate import detected, light_seen, locate
 from pipelines.settings import Settings, camera_of, noise_of_settings, sphere_of
 from toolkit.errors import BadInputError, FitMaterialError
 from toolkit.geometry.sphere import bounding_box
@@ -111,19 +111,10 @@ def _examined(
 
 def _own_light(image: LinearImage, scene: Scene) -> LightFound | None:
     """What the ball's shading and highlight tell of the lamp, to hold against what was given; None where nothing."""
-    from toolkit.geometry.highlight import light_from_highlight
     from toolkit.radiometry.quads import quads
 
-    picture = thinned(quads(image), scene)
     try:
-        return light_from_highlight(
-            picture.values,
-            sphere=scene.sphere,
-            camera=scene.camera,
-            origin_px=picture.origin_px,
-            step_px=picture.step_px,
-            flags=picture.flags,
-        )
+        return light_seen(thinned(quads(image), scene), scene)
     except BadInputError:
         return None
 

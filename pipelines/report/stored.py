@@ -9,10 +9,10 @@ from typing import Any
 MAX_BYTES = 1 << 26
 
 
-def read_result(path: Path) -> dict[str, Any]:
-    """The object of a STEM.json; empty where there is none that can be read."""
+def read_result(path: Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
+    """The object of a STEM.json, or of another file of JSON; empty where there is none that can be read."""
     try:
-        if path.stat().st_size > MAX_BYTES:
+        if path.stat().st_size > max_bytes:
             return {}
         found = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -53,7 +53,7 @@ def _forget(photographs: Path) -> None:
         path.unlink()
 
 
-def _done(waiting: Sequence[Trial], work: Callable[[Trial], dict[str, Any]], workers: int) -> Any:  # noqa: ANN401
+def _done(waiting: Sequence[Trial], work: Callable[[Trial], dict[str, Any]], workers: int) -> Iterator[dict[str, Any]]:
     """Lines as they come."""
     try:
         with loky_processes(workers) as pool:

@@ -22,7 +22,7 @@ BLOCK = 4  # pixels across the squares whose means are compared
 LIMB = 0.03  # of the sphere's box: so near to the outline blur and the quads' own size make colours of two places one
 SIGNIFICANT_SDS = 4.0  # of what noise alone makes of their difference
 DOUBTED = (Flag.POOR_FIT, Flag.STRUCTURED_RESIDUALS)  # without them the difference is colour's own trouble
-NO_GROUND = (Flag.COLOUR_CANNOT_SEPARATE, Flag.MATTE_LINE_BENT, Flag.POOR_FIT)  # of colour's own layers
+NO_GROUND = (Flag.MATTE_LINE_BENT, Flag.POOR_FIT)  # of colour's own layers
 
 
 def agreement(colours: ColourLayers | None, layers: ModelLayers, fit: Fit) -> Agreement:
