@@ -11,9 +11,9 @@ from contextlib import closing
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
-from toolkit.inference.fit import View
 from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.model import Model
+from toolkit.inference.views import View
 from toolkit.records import Fit, LinearImage, Scene
 
 from .clock import Progress

@@ -13,9 +13,10 @@ from synthetic.materials import Material
 from synthetic.scenes import direction, exposed
 from toolkit.inference.expected import expected_view
 from toolkit.inference.fisher import bound_sds
-from toolkit.inference.fit import View, pose_views
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import shifts_of_all
+from toolkit.inference.problem import pose_views
+from toolkit.inference.views import View
 from toolkit.records import Floats, Noise, Scene, readonly
 from toolkit.reflectance.fresnel import dielectric_f0
 

@@ -17,7 +17,7 @@ from synthetic.photograph import truth, write_raw
 from synthetic.render import Render, render
 from synthetic.scenes import as_measured, direction, exposed, sphere_in, write_scene_toml
 from toolkit.geometry.lights import DirectionalLight
-from toolkit.inference.fit import PEDESTAL_SD
+from toolkit.inference.priors import PEDESTAL_SD
 from toolkit.records import Floats, Noise, Scene
 
 from .design import Trial

@@ -15,10 +15,10 @@ from synthetic.render import Render
 from synthetic.scenes import exposed
 from toolkit.errors import FitMaterialError
 from toolkit.inference.fisher import bound_sds
-from toolkit.inference.fit import pose
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import shifts_of
+from toolkit.inference.problem import pose
 from toolkit.records import Estimate, Fit, Floats, MaterialReport
 
 from .broken import as_asked

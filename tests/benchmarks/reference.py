@@ -20,8 +20,9 @@ from synthetic.scenes import direction
 from tests.inference.ball import photograph
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.cells import Cells, gather
-from toolkit.inference.fit import Optimum, Problem, fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.model import Lit, Model, lit_by
+from toolkit.inference.problem import Optimum, Problem, pose
 from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
 from toolkit.reflectance import LOBES
 

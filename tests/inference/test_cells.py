@@ -10,9 +10,10 @@ import pytest
 from toolkit.flags import SampleFlag
 from toolkit.inference import cells as module
 from toolkit.inference.cells import Cells, gather
-from toolkit.inference.fit import Optimum, fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.model import Model, lit_by
 from toolkit.inference.normal import inverse
+from toolkit.inference.problem import Optimum, pose
 from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES
 

@@ -7,9 +7,10 @@ import pytest
 
 from toolkit.inference.blocks import blocks_of, by_block
 from toolkit.inference.compare import elpd_blocks, rank
-from toolkit.inference.fit import fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
+from toolkit.inference.problem import pose
 
 from .ball import NOISE, photograph, radiance_of
 

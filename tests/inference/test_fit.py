@@ -13,11 +13,12 @@ from pipelines.validate.design import hypercube
 from pipelines.validate.trial import run_trial
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.cells import gather
-from toolkit.inference.fit import fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.normal import Prior, bounded, inverse
 from toolkit.inference.nuisances import fit_with_shifts, shifts_of
+from toolkit.inference.problem import pose
 from toolkit.records import Fit, Scene
 
 from .ball import BODY, F0, NOISE, photograph, radiance_of

@@ -14,11 +14,11 @@ from synthetic.render import render
 from synthetic.scenes import exposed
 from tests.inference.ball import BODY, NOISE, photograph, scene_of
 from toolkit.flags import Flag
-from toolkit.inference.fit import View
 from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.joint import of_photograph
 from toolkit.inference.layers import predict
 from toolkit.inference.model import Model
+from toolkit.inference.views import View
 from toolkit.records import Estimate, Fit, Floats, Scene
 
 SIZE_PX, ALPHA, F0 = 200, 0.15, 0.04  # of refractive index 1.5

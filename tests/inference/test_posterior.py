@@ -9,9 +9,10 @@ import pytest
 
 from toolkit.inference.cells import gather
 from toolkit.inference.diagnostics import split_r_hat
-from toolkit.inference.fit import Optimum, fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
+from toolkit.inference.problem import Optimum, pose
 from toolkit.inference.surrogate import surrogate_of
 from toolkit.records import Floats, Noise
 

@@ -15,10 +15,11 @@ from pipelines.validate.broken import as_asked
 from pipelines.validate.design import Trial, stressed
 from pipelines.validate.shot import shoot, write
 from toolkit.inference.cells import gather
-from toolkit.inference.fit import fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import doubted, fit_with_shifts, shifts_of
+from toolkit.inference.problem import pose
 from toolkit.inference.structure import LEAST_P, structure_chances, structure_p
 from toolkit.io.read import read
 

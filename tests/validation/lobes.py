@@ -15,9 +15,10 @@ from synthetic.scenes import direction, exposed
 from tests.inference.ball import photograph, scene_of
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.estimates import named_draws, statistical_sds
-from toolkit.inference.fit import Optimum, Problem, fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
+from toolkit.inference.problem import Optimum, Problem, pose
 from toolkit.records import Floats, LinearImage, Noise, Scene
 from toolkit.reflectance import LOBES
 

@@ -18,9 +18,10 @@ from tests.validation.measured import MATERIALS, measured
 from tests.validation.mitsuba_render import Ball, render
 from toolkit.geometry.sphere import surface
 from toolkit.inference.directional import DirectionalFit, fit_directions
-from toolkit.inference.fit import Optimum, fit, pose
+from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
+from toolkit.inference.problem import Optimum, pose
 from toolkit.records import Floats, Noise
 from toolkit.reflectance import LOBES, Cosines
 

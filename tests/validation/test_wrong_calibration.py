@@ -18,11 +18,11 @@ from synthetic.scenes import exposed
 from tests.inference.ball import BODY, F0, NOISE, glossy, photograph, radiance_of, scene_of
 from toolkit.geometry.lights import DirectionalLight, PointLight
 from toolkit.inference.compare import rank
-from toolkit.inference.fit import pose
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.normal import inverse
 from toolkit.inference.nuisances import fit_with_shifts, shifts_of, tangents
+from toolkit.inference.problem import pose
 from toolkit.records import Floats, Noise, Scene
 
 SIZE_PX, ROUGHNESS_RAD = 256, 0.12

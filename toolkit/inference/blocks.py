@@ -15,7 +15,7 @@ from toolkit.geometry.sphere import surface
 from toolkit.records import Floats, Scene
 
 from .cells import Cells
-from .fit import Optimum
+from .problem import Optimum
 
 RINGS_RAD = (0.08, 0.2, 0.5, 1.0)  # inner edges of the rings about the first light's half vector
 SECTORS = 8

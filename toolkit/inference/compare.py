@@ -12,8 +12,8 @@ import numpy as np
 from toolkit.records import Fit, Floats
 
 from .blocks import Blocks
-from .fit import Optimum
 from .normal import inverse
+from .problem import Optimum
 
 DECIDED_SD = 2.0  # a model is preferred where its lead exceeds its own sd this many times
 

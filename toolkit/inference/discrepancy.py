@@ -13,9 +13,9 @@ import numpy as np
 from toolkit.records import Floats
 
 from .blocks import Blocks
-from .fit import Optimum
 from .normal import inverse
 from .posterior import Draws
+from .problem import Optimum
 
 
 def stretch_of(optimum: Optimum, blocks: Blocks) -> Floats:

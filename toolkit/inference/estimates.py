@@ -10,10 +10,11 @@ from toolkit.flags import Flag
 from toolkit.records import Estimate, Floats
 from toolkit.reflectance.fresnel import reflectance
 
-from .fit import Optimum, f0_of, signal_scale
 from .model import mirror_cosine
 from .normal import inverse, numbered
 from .posterior import Draws
+from .problem import Optimum, f0_of
+from .views import signal_scale
 
 UNIFORM_SD = 12**-0.5  # of a uniform prior, per unit of its width
 UNIDENTIFIED = 0.5  # posterior over prior width from which a parameter counts as not identified

@@ -11,9 +11,10 @@ from toolkit.geometry.sphere import bounding_box
 from toolkit.records import Floats, LinearImage, Noise, Plane, Scene
 
 from .fisher import Truth, at_truth
-from .fit import View, pose_views
 from .infer import gather_for
 from .model import Model
+from .problem import pose_views
+from .views import View
 
 MOSAIC = ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2))  # row, column and channel of a quad's samples
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .fit import Optimum, Problem, pose_views, weights_at
 from .normal import inverse
 from .nuisances import Shifts, sensitivity
+from .problem import Optimum, Problem, pose_views, weights_at
 
 Truth = Mapping[str, Floats | float]
 

@@ -14,13 +14,14 @@ from .cells import Cells, gather
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
 from .estimates import estimates_of, flags_of, named_draws, posterior_draws, schlick_misleads
-from .fit import Optimum, View, pose_views
 from .joint import on_one_scale
 from .model import Model
 from .normal import inverse
 from .nuisances import Shifts, doubted, fit_with_shifts, shifted, shifts_of_all
 from .posterior import CHAINS, Progress, sample
+from .problem import Optimum, pose_views
 from .structure import LEAST_P, structure_p
+from .views import View
 
 
 def infer(

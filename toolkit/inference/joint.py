@@ -10,10 +10,12 @@ import numpy as np
 from toolkit.records import Fit, Floats, scale_of
 from toolkit.reflectance.fresnel import reflectance
 
-from .fit import Optimum, Problem, View, fit, pose_views
+from .fit import fit
 from .model import TYPICAL_F0, Model, mirror_cosine
 from .normal import numbered
 from .nuisances import brightened, prefix
+from .problem import Optimum, Problem, pose_views
+from .views import View
 
 
 def on_one_scale(model: Model, views: Sequence[View]) -> list[View]:

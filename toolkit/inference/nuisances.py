@@ -17,9 +17,11 @@ from scipy.linalg import block_diag
 from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
 from .cells import direction_sd_rad
-from .fit import Optimum, Problem, View, chi2_at, fit, minima, pose_views
+from .fit import fit, minima
 from .model import columns, lit_by
 from .normal import inverse, weigh
+from .problem import Optimum, Problem, chi2_at, pose_views
+from .views import View
 
 SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter

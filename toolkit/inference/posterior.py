@@ -11,8 +11,8 @@ import numpy as np
 from toolkit.records import Diagnostics, Floats
 
 from .diagnostics import autocorrelation_time, split_r_hat
-from .fit import Optimum
 from .normal import inverse
+from .problem import Optimum
 from .surrogate import Surrogate, surrogate_of
 
 WALKERS = 128

@@ -19,8 +19,9 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cells import Cells
-from .fit import Optimum, View
 from .model import Columns, lit_by
+from .problem import Optimum
+from .views import View
 
 LEAST_P = 1e-3  # below it the residuals are not taken for noise
 DEGREE = 5  # of the smooth patterns

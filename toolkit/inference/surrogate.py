@@ -15,9 +15,9 @@ from numpy.polynomial.chebyshev import chebvander
 
 from toolkit.records import Floats
 
-from .fit import Optimum
 from .model import Evaluate, Model, remembering
 from .normal import inverse, solve
+from .problem import Optimum
 
 REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum

@@ -1,0 +1,162 @@
+"""Gauss-Newton in the shape alone, everything linear solved for at each step (Golub & Pereyra 1973)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolkit.records import Floats
+
+from .normal import Layout, Normal, Weighing, bounded, solve, sums_of
+from .problem import Evaluated, Optimum, Problem
+
+STEPS = 25
+STANDS_SD = 0.01  # sds by which what is left undone may still move the shape
+LONGEST_STEP, LONGEST_SHARE = 0.7, 0.25  # a factor of two in a logarithm; of a range
+SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rest:
+    """Where a descent ended, and what is predicted there (n,) per channel."""
+
+    optimum: Optimum
+    predicted: tuple[Floats, ...]
+
+
+def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Rest:
+    """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
+    low, high = problem.model.bounds()
+    inside = ONTO_BOUND * (high - low)
+    within = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
+    here = _project(problem, within, weights, cols if np.array_equal(within, u) else None)
+    status, cells = f"not converged after {STEPS} steps", sum(int(np.count_nonzero(w)) for w in weights.weights)
+    last: Floats = np.zeros(len(here.joint.rhs))
+    for _ in range(STEPS):
+        u, step = here.u, _joint_step(here, low, high)
+        near, far = _reach(u, low, high)
+        moved = step[problem.layout.size :]
+        sd = shape_sd(here.joint.matrix, problem.layout)
+        wanted = np.clip(u + moved, near, far) - u
+        if _lands(here, step, wanted, sd, cells):
+            status, last = "converged", step
+            break
+        if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)):
+            status = "converged"
+            break
+        for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
+            there = _project(problem, np.clip(u + factor * moved, near, far), weights)
+            if there.chi2 < here.chi2:
+                break
+        else:  # nothing lower along the step: as good as it gets
+            status = "converged"
+            break
+        here = there
+    return _rest(here, last, weights, status)
+
+
+def _lands(here: _Projection, step: Floats, wanted: Floats, sd: Floats, cells: int) -> bool:
+    """Whether a step is so short that its end needs no second look: linear there to STANDS_SD, nothing at a bound.
+
+    A step s along a scale L (a longest step) errs by s^2 / L, and by s sd / L for each sd of misfit.
+    """
+    problem = here.problem
+    x, moved = here.x + step[: len(here.x)], step[len(here.x) :]
+    if here.on_bound.any() or len(moved) == 0 or np.any(np.abs(moved - wanted) > 1e-9 * np.abs(moved) + 1e-15):
+        return False
+    if np.any((x < problem.prior.low) | (x > problem.prior.high)):
+        return False
+    longest = _longest(*problem.model.bounds())
+    error = np.abs(moved) * (np.abs(moved) + sd * (1.0 + misfit_root(here.chi2, cells))) / longest
+    return bool(np.all(error <= STANDS_SD * sd))
+
+
+def _rest(here: _Projection, step: Floats, weights: Weighing, status: str) -> Rest:
+    """The end of a descent, after a last `step` of linear unknowns and shape."""
+    problem, size = here.problem, len(here.x)
+    low, high = problem.model.bounds()
+    u, x, drop = here.u, here.x, 0.0
+    predicted = problem.predict(here.columns, x)
+    if step.any():
+        u, x, drop = u + step[size:], x + step[:size], float(step @ here.joint.rhs)
+        slopes = [
+            c.table[1:, 0] + np.einsum("dkn,k->dn", c.table[1:, 1:], here.x[i])
+            for c, i in zip(here.columns, problem.layout.index, strict=True)
+        ]
+        predicted = tuple(p + step[size:] @ s for p, s in zip(problem.predict(here.columns, x), slopes, strict=True))
+    optimum = Optimum(
+        problem=problem,
+        u=u,
+        x=x,
+        weights=weights,
+        joint=here.joint.matrix,
+        chi2=here.chi2 - drop,
+        on_bound=np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)]),
+        status=status,
+    )
+    return Rest(optimum=optimum, predicted=predicted)
+
+
+def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """How far one step may go: most of the way to a bound, onto it only from close by.
+
+    A long step that ends on a bound can stay there for good: at roughness 0 Oren-Nayar's slope in it is 0.
+    """
+    close = ONTO_BOUND * (high - low)
+    near = np.where(u - low > close, low + SHORT_OF_BOUND * (u - low), low)
+    far = np.where(high - u > close, high - SHORT_OF_BOUND * (high - u), high)
+    return near, far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Projection:
+    """A shape with everything linear solved for, and the joint equations of the step from there."""
+
+    problem: Problem
+    u: Floats
+    columns: Evaluated
+    x: Floats
+    chi2: float
+    on_bound: NDArray[np.bool_]
+    joint: Normal
+
+
+def _project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> _Projection:
+    cols = problem.columns(u, derivatives=True) if cols is None else cols
+    sums = sums_of(cols, problem.channels, weights)
+    normal = problem.combine(sums, weights)
+    x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
+    chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
+    joint = problem.combine(sums, weights, x)
+    return _Projection(problem=problem, u=u, columns=cols, x=x, chi2=chi2, on_bound=on_bound, joint=joint)
+
+
+def _joint_step(here: _Projection, low: Floats, high: Floats) -> Floats:
+    """The Gauss-Newton step of linear unknowns and shape, what rests on a bound held there, shortened where long."""
+    size, u, joint = len(here.x), here.u, here.joint
+    if len(u) == 0:
+        return np.zeros(size)
+    pinned = ((u <= low) & (joint.rhs[size:] < 0)) | ((u >= high) & (joint.rhs[size:] > 0))
+    free = np.flatnonzero(~np.concatenate([here.on_bound, pinned]))
+    step = np.zeros(len(joint.rhs))
+    damped = joint.matrix[free[:, None], free]
+    damped.flat[:: len(free) + 1] *= 1.0 + 1e-9
+    step[free] = solve(damped, joint.rhs[free])
+    return np.asarray(step / max(1.0, float(np.max(np.abs(step[size:]) / _longest(low, high)))))
+
+
+def _longest(low: Floats, high: Floats) -> Floats:
+    """The longest step of each shape number, and the scale over which a lobe changes with it."""
+    return np.minimum(LONGEST_STEP, LONGEST_SHARE * (high - low))
+
+
+def shape_sd(joint: Floats, layout: Layout) -> Floats:
+    """Sd of each shape number were everything else known: a yardstick for steps."""
+    return np.asarray(1.0 / np.sqrt(np.maximum(joint.diagonal()[layout.size :], 1e-300)))
+
+
+def misfit_root(chi2: float, cells: int) -> float:
+    """Root of the chi-square that noise does not explain."""
+    return float(np.sqrt(max(chi2 - cells - 3.0 * np.sqrt(2.0 * cells), 0.0)))

@@ -1,0 +1,144 @@
+"""What a fit solves: one model on the cells of photographs, linear in all but the shape; and where it comes to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolkit.records import Floats, Noise, Scene, scale_of
+
+from .cells import Cells, ChannelCells
+from .model import Columns, Evaluate, Fresnel, Model, columns, fresnel_of, names_of
+from .normal import Layout, Normal, Prior, Sums, Weighing, bounded, combine, lay_out, sums_of, weigh
+from .priors import prior_of
+from .views import View
+
+Evaluated = tuple[Columns, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """One model on the cells of one photograph, or of several of one material; three channels of each, in order."""
+
+    model: Model
+    views: tuple[View, ...]
+    fresnel: Fresnel
+    layout: Layout
+    prior: Prior
+    extras: tuple[Floats, ...]  # per channel (n, q): shared columns such as calibration shifts
+
+    @property
+    def channels(self) -> tuple[ChannelCells, ...]:
+        """The channels of all photographs."""
+        return tuple(data for view in self.views for data in view.cells.channels)
+
+    @property
+    def scale(self) -> Literal["absolute", "relative"]:
+        """Absolute where one photograph's irradiance is known."""
+        return scale_of([view.scene for view in self.views])
+
+    def columns(self, u: Floats, *, derivatives: bool = False, evaluate: Evaluate | None = None) -> Evaluated:
+        """The model's columns at one shape."""
+        found = [
+            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives, evaluate=evaluate)
+            for view in self.views
+        ]
+        return tuple(one for three in found for one in three)
+
+    def assemble(self, cols: tuple[Columns, ...], weights: Weighing, at: Floats | None = None) -> Normal:
+        """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
+        return self.combine(sums_of(cols, self.channels, weights), weights, at)
+
+    def combine(self, sums: tuple[Sums, ...], weights: Weighing, at: Floats | None = None) -> Normal:
+        """The normal equations from sums over the cells already taken."""
+        normal = combine(sums, weights, self.layout, self.prior, at)
+        if at is not None:
+            low, high = self.model.bounds()
+            shapes = np.arange(self.layout.size, len(normal.rhs))
+            normal.matrix[shapes, shapes] += 12.0 / (high - low) ** 2
+        return normal
+
+    def predict(self, cols: tuple[Columns, ...], x: Floats) -> tuple[Floats, ...]:
+        """Radiance per channel on the cells."""
+        named = len(self.layout.names)
+        return tuple(
+            np.asarray(col.matrix @ x[index] + col.offset + extra @ x[named:])
+            for col, index, extra in zip(cols, self.layout.index, self.extras, strict=True)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Optimum:
+    """Where a fit came to rest. `joint` is the normal matrix of linear unknowns, then shape; `u` the shape."""
+
+    problem: Problem
+    u: Floats
+    x: Floats
+    weights: Weighing
+    joint: Floats
+    chi2: float  # with the prior's part
+    on_bound: NDArray[np.bool_]  # linear unknowns, then shape
+    status: str
+
+
+def pose(model: Model, scene: Scene, cells: Cells, noise: Noise) -> Problem:
+    """Set up the fit of one photograph."""
+    return pose_views(model, [View.of(scene, cells, noise)])
+
+
+def pose_views(
+    model: Model,
+    views: Sequence[View],
+    *,
+    fresnel: Fresnel | None = None,
+    extras: tuple[Floats, ...] | None = None,
+    extras_precision: Floats | None = None,
+    extras_centre: Floats | None = None,
+) -> Problem:
+    """Set up the fit of several photographs of one material.
+
+    `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter.
+    """
+    fresnel = fresnel or fresnel_of(model, [view.scene for view in views])
+    extras = extras or tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
+    layout = lay_out(names_of(model, fresnel), neutral=model.neutral, extras=extras[0].shape[1], photographs=len(views))
+    return Problem(
+        model=model,
+        views=tuple(views),
+        fresnel=fresnel,
+        layout=layout,
+        prior=prior_of(layout, views, extras_precision, extras_centre),
+        extras=extras,
+    )
+
+
+def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
+    """One over the variance of each cell's mean at the predicted radiance; none where a clipped one is reached."""
+    weights = tuple(
+        np.where(data.censored & (signal >= data.value), 0.0, data.count / noise.variance(signal, c))
+        for (noise, c, data), signal in zip(
+            ((view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)),
+            predicted,
+            strict=True,
+        )
+    )
+    return weigh(weights, problem.extras)
+
+
+def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
+    """Chi-square at one shape, everything linear solved for; the prior's part counts."""
+    normal = problem.assemble(problem.columns(u), weights)
+    x, _ = bounded(normal.matrix, normal.rhs, problem.prior)
+    return normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
+
+
+def f0_of(problem: Problem, x: Floats) -> Floats:
+    """F0 per channel (..., 3) of linear unknowns (..., P), where the fit has one."""
+    if problem.fresnel.kind == "known":
+        return problem.layout.of("specular_f0", x)
+    scale = np.maximum(problem.layout.of("specular_scale", x), 1e-30)
+    return np.asarray(problem.layout.of("specular_scale_f0", x) / scale)

@@ -1,0 +1,68 @@
+"""From a shape to the optimum: descents, with weights and tangents taken anew in turn until all of them stand.
+
+Weights come from the model's own prediction, never from the noisy sample: noise in a weight is correlated with noise
+in the datum and biases an albedo by tens of its sd.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from toolkit.records import Floats
+from toolkit.reflectance.fresnel import TANGENT_F0
+
+from .descend import STANDS_SD, descend, misfit_root, shape_sd
+from .normal import Weighing
+from .problem import Evaluated, Optimum, Problem, f0_of, weights_at
+
+ROUNDS = 4  # of new weights, at most
+TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is taken: an error of second order
+
+
+def refine(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Optimum:
+    """Descend from a shape, with new weights from the prediction in turn, until both stand.
+
+    `cols` are the columns there with their derivatives, where they are known already.
+    """
+    here = descend(problem, u, weights, cols)
+    for _ in range(ROUNDS):
+        weights, problem = weights_at(problem, here.predicted), _tangent_at(here.optimum)
+        if problem is here.optimum.problem and _alike(weights, here.optimum):
+            break
+        before, here = here, descend(problem, here.optimum.u, weights)
+        u = here.optimum.u
+        if problem is before.optimum.problem and (
+            len(u) == 0
+            or np.all(np.abs(u - before.optimum.u) <= STANDS_SD * shape_sd(here.optimum.joint, problem.layout))
+        ):
+            break
+    return here.optimum
+
+
+def _tangent_at(optimum: Optimum) -> Problem:
+    """The problem with a dielectric's tangent taken at the F0 that was found; itself where that makes no difference."""
+    problem, fresnel = optimum.problem, optimum.problem.fresnel
+    if fresnel.choice == "schlick" or fresnel.kind not in ("known", "pair"):
+        return problem
+    f0 = float(np.clip(np.mean(f0_of(problem, optimum.x)), *TANGENT_F0))
+    if abs(f0 - fresnel.f0) <= TANGENT_STANDS * fresnel.f0:
+        return problem
+    return replace(problem, fresnel=replace(fresnel, f0=f0))
+
+
+def _alike(weights: Weighing, optimum: Optimum) -> bool:
+    """Whether new weights could not move the optimum by more than STANDS_SD.
+
+    By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
+    and by e times the root of the chi-square that is not noise.
+    """
+    change, cells = 0.0, 0
+    for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
+        counted = old > 0.0
+        if np.any((new > 0.0) != counted):
+            return False
+        change += float(np.sum((new[counted] / old[counted] - 1.0) ** 2))
+        cells += int(np.count_nonzero(counted))
+    return float(np.sqrt(change / max(cells, 1))) * (1.0 + misfit_root(optimum.chi2, cells)) <= STANDS_SD

@@ -1,0 +1,90 @@
+"""Where to begin: a coarse look over the whole box of shapes, on a few of the cells."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from toolkit.records import Floats
+
+from .model import Model, columns_of_many
+from .normal import Weighing, bounded, equations, sums_of
+from .problem import Optimum, Problem, pose_views, weights_at
+from .refine import refine
+from .views import View
+
+GRID = 14  # shapes tried along a single shape number before the descent begins
+DESCENTS = 3  # how many of them are descended from
+MOST_MINIMA = 2  # how many of the optima found are gone on with
+SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
+
+
+def search(problem: Problem) -> list[Optimum]:
+    """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
+    few = pose_views(problem.model, [_thinned(view) for view in problem.views], fresnel=problem.fresnel)
+    weights = _provisional(few)
+    if not problem.model.parameters:
+        return [refine(few, np.zeros(0), weights)]
+    apart = 0.1 * np.subtract(*problem.model.bounds()[::-1])
+    found = [refine(few, u, weights) for u in _starts(few, weights, apart)[:DESCENTS]]
+    found.sort(key=lambda optimum: optimum.chi2)
+    kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
+    return [optimum for optimum in found if any(optimum.u is u for u in kept)]
+
+
+def _thinned(view: View) -> View:
+    cells = view.cells.thinned(max(len(view.cells.x_px) // SEARCH_CELLS, 1))
+    return View.of(view.scene, cells, view.noise)
+
+
+def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:
+    """Where to descend from, best first: along a single number the valleys of the grid, else its best points."""
+    grid = np.array(_grid(problem.model))
+    chi2 = np.concatenate([_chi2_of(problem, part, weights) for part in np.array_split(grid, -(-len(grid) // GRID))])
+    order = np.argsort(chi2, kind="stable")
+    if grid.shape[1] > 1:
+        return _far_apart(list(grid[order]), apart)
+    walled = np.concatenate([[np.inf], chi2, [np.inf]])
+    valley = (chi2 <= walled[:-2]) & (chi2 <= walled[2:])
+    return [_bottom(grid[:, 0], chi2, i) for i in order if valley[i]]
+
+
+def _bottom(u: Floats, chi2: Floats, i: int) -> Floats:
+    """The lowest point of the parabola through a point of the grid and its neighbours."""
+    if i in (0, len(u) - 1):
+        return u[i : i + 1]
+    left, right = chi2[i - 1] - chi2[i], chi2[i + 1] - chi2[i]
+    return np.asarray(u[i : i + 1] + 0.5 * (u[i + 1] - u[i]) * (left - right) / max(left + right, 1e-300))
+
+
+def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
+    """Chi-square at several shapes (S, D) at once, of a problem without extra columns."""
+    found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
+    cols = tuple(one for three in found for one in three)
+    matrix, rhs, squares = equations(sums_of(cols, problem.channels, weights), problem.layout, problem.prior)
+    best = [bounded(m, r, problem.prior)[0] for m, r in zip(matrix, rhs, strict=True)]
+    return np.array([s + x @ m @ x - 2 * x @ r for s, x, m, r in zip(squares, best, matrix, rhs, strict=True)])
+
+
+def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
+    """Those, in order, that are not close to one before them."""
+    kept: list[Floats] = []
+    for u in shapes:
+        if all(np.any(np.abs(u - v) > apart) for v in kept):
+            kept.append(u)
+    return kept
+
+
+def _grid(model: Model) -> list[Floats]:
+    """Shapes spread over the box: evenly along a single number, else the products of the lobes' own starts."""
+    low, high = model.bounds()
+    if len(low) == 1:
+        return [np.array([v]) for v in np.linspace(low[0], high[0], GRID + 2)[1:-1]]
+    starts = [[np.log(s) if p.log else s for s in p.starts] for p in model.parameters]
+    return [np.array(point) for point in product(*starts)]
+
+
+def _provisional(problem: Problem) -> Weighing:
+    """Weights before there is a prediction; clipped cells wait until there is one."""
+    return weights_at(problem, tuple(data.value for data in problem.channels))
