@@ -204,6 +204,16 @@ def test_an_exrs_first_layer_serves_where_nothing_is_plain(tmp_path):
     assert np.array_equal(values[..., 2], planes["beauty.B"])
 
 
+def test_an_exrs_channels_are_told_in_printable_letters(tmp_path):
+    """A name out of the file that holds a control character, the reader isolated or not."""
+    path = good.exr(tmp_path / "a.exr")
+    path.write_bytes(path.read_bytes().replace(b"R\0", b"\x7f\0", 1))
+    for reader in (read, read_in_process):
+        with pytest.raises(BadInputError) as caught:
+            reader(path)
+        assert "channels B, G, ; R, G and B are needed" in str(caught.value)
+
+
 def test_an_exr_tells_of_its_camera(tmp_path):
     """The standard attributes."""
     told = read_in_process(good.exr(tmp_path / "a.exr", header={"expTime": 0.5, "cameraMake": "Pico"})).metadata

@@ -141,6 +141,7 @@ def test_the_preset_standard_is_what_runs_without_one() -> None:
         ({"noise": {"gain": 1e-4, "read": 0}}, "ball.toml: noise.read is 0; expected a number > 0"),
         ({"camera": {"focal_length_px": "4200"}}, 'ball.toml: camera.focal_length_px is "4200"; expected a number'),
         ({"camera": {"focal_length_px": 10**400}}, "expected a finite number"),
+        ({"camera": {"focal_length_px": 1e-308}}, "camera.focal_length_px is 1e-308; expected a number >= 1e-12"),
         ({"camera": {"focal_length_px": datetime.date(2020, 1, 1)}}, '"2020-01-01"; expected a number'),
         ({"fit": {"models": []}}, "ball.toml: fit.models is []; expected at least 1 value(s)"),
         ({"fit": {"models": ["gxx"]}}, "'gxx' is no specular model; expected one of"),

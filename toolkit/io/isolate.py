@@ -129,7 +129,7 @@ def _read_answer(answer: IO[bytes]) -> Decoded:
             return _decoded(answer, fields, pixel_bytes)
     except (struct.error, ValueError, TypeError, KeyError, OverflowError) as error:
         raise BadInputError("the decoder's answer does not add up; the file is damaged: copy it again") from error
-    raise BadInputError(plain_text(fields["error"]))
+    raise BadInputError(str(fields["error"]))
 
 
 def _fields(answer: IO[bytes], total: int) -> tuple[dict[str, Any], int]:

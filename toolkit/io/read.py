@@ -43,7 +43,7 @@ def _read(path: str, limits: Limits, *, isolated: bool) -> RawFrame:
             decoded = isolate.decode(kind, path, limits) if isolated else decode.decode(kind, path, limits)
         return _frame(name, digest.value, decoded)
     except BadInputError as error:
-        raise BadInputError(f"{name}: {error}") from error
+        raise BadInputError(f"{name}: {plain_text(error)}") from error
 
 
 def _check_bytes(found: int, limits: Limits) -> None:

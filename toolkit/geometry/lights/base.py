@@ -5,11 +5,19 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-LARGEST = 1e12  # of any number: beyond all use, and its square still a number
+LARGEST = 1e12  # of any number; its inverse is the least of a positive one: their squares are still numbers
+
+
+def _large_enough(value: float) -> float:
+    if value < 1 / LARGEST:
+        raise ValueError(f"expected a number >= {1 / LARGEST:g}")
+    return value
+
+
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_large_enough)]
 Degrees = Annotated[float, Field(ge=0, le=90)]
 Vector = tuple[Number, Number, Number]
 Colour = tuple[Positive, Positive, Positive]
