@@ -7,40 +7,31 @@ other fit stand under /fits/NAME. No clock is written: the same fits give the sa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import toolkit
 from toolkit.records import Fit, MaterialReport
 
-if TYPE_CHECKING:
-    import h5netcdf
+from . import netcdf
 
 DIMENSIONS = ("chain", "draw", "channel")
-PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}  # draws are nearly noise: more gains nothing
 DIAGNOSTICS = ("ess_min", "r_hat_max", "tau_max", "acceptance")
 
 
 def write_posterior(path: Path, report: MaterialReport) -> None:
-    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; packed without loss.
+    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; packed without loss."""
+    path.write_bytes(_image(report))
 
-    It is laid out in memory first: on a full disk HDF5 leaves its file open and its complaints on the terminal.
-    """
-    import io
 
-    import h5netcdf
-
-    held = io.BytesIO()
-    with h5netcdf.File(held, "w") as file:
+def _image(report: MaterialReport) -> bytes:
+    with netcdf.new_file() as file, netcdf.group(file, "fits") as others:
         for index, (name, fit) in enumerate(zip(names(report.fits), report.fits, strict=True)):
-            group = file if index == report.best else file.create_group(f"fits/{name}")
-            _write_draws(group.create_group("posterior"), fit, report.image.sha256)
-            _write_scalars(group.create_group("sample_stats"), _diagnostics(fit))
-            _write_quality(group.create_group("fit"), fit)
-    path.write_bytes(held.getvalue())  # a copy: a view would outlive a failed write and block the buffer's end
+            with nullcontext(file) if index == report.best else netcdf.group(others, name) as owner:
+                _write_fit(owner, fit, report.image.sha256)
+        return netcdf.image(file)
 
 
 def names(fits: tuple[Fit, ...]) -> list[str]:
@@ -53,28 +44,30 @@ def names(fits: tuple[Fit, ...]) -> list[str]:
     return found
 
 
-def _write_draws(group: h5netcdf.Group, fit: Fit, sha256: str) -> None:
-    group.attrs.update(_about(fit) | {"image_sha256": sha256})
-    if not fit.draws:
-        return
+def _write_fit(owner: netcdf.Handle, fit: Fit, sha256: str) -> None:
+    with netcdf.group(owner, "posterior") as group:
+        netcdf.write_attributes(group, _about(fit) | {"image_sha256": sha256})
+        if fit.draws:
+            _write_draws(group, fit)
+    with netcdf.group(owner, "sample_stats") as group:
+        for name in DIAGNOSTICS if fit.diagnostics else ():
+            netcdf.write_variable(group, name, float(getattr(fit.diagnostics, name)))
+    with netcdf.group(owner, "fit") as group:
+        with netcdf.dimensions(group, {"block": np.arange(len(fit.elpd_blocks))}) as scales:
+            netcdf.write_variable(group, "elpd_blocks", np.asarray(fit.elpd_blocks, float), [scales["block"]])
+        netcdf.write_variable(group, "chi2_reduced", float(fit.chi2_reduced))
+        netcdf.write_variable(group, "elpd", float(fit.elpd))
+
+
+def _write_draws(group: netcdf.Handle, fit: Fit) -> None:
     chains, draws = np.shape(next(iter(fit.draws.values())))[:2]
-    group.dimensions = {"chain": chains, "draw": draws, "channel": 3}
-    for name, values in (
-        ("chain", np.arange(chains)),
-        ("draw", np.arange(draws)),
-        ("channel", np.array([*"RGB"], "O")),
-    ):
-        group.create_variable(name, (name,), data=values, dtype=_text() if name == "channel" else None)
     units = {parameter.name: parameter.unit for parameter in fit.parameters}
-    for name, values in fit.draws.items():
-        variable = group.create_variable(name, DIMENSIONS[: np.ndim(values)], data=np.asarray(values), **PACKED)
-        variable.attrs["units"] = units.get(name, "1")
-
-
-def _text() -> np.dtype[np.object_]:
-    import h5py
-
-    return h5py.string_dtype()  # type: ignore[no-any-return]  # h5py ships no types
+    with netcdf.dimensions(
+        group, {"chain": np.arange(chains), "draw": np.arange(draws), "channel": [*"RGB"]}
+    ) as scales:
+        for name, values in fit.draws.items():
+            over = [scales[dimension] for dimension in DIMENSIONS[: np.ndim(values)]]
+            netcdf.write_variable(group, name, values, over, unit=units.get(name, "1"))
 
 
 def _about(fit: Fit) -> dict[str, str | int]:
@@ -87,18 +80,3 @@ def _about(fit: Fit) -> dict[str, str | int]:
         "seed": fit.diagnostics.seed if fit.diagnostics else -1,
         "fit_material_version": toolkit.__version__,
     }
-
-
-def _write_scalars(group: h5netcdf.Group, values: Mapping[str, float]) -> None:
-    for name, value in values.items():
-        group.create_variable(name, (), data=np.float64(value))
-
-
-def _diagnostics(fit: Fit) -> dict[str, float]:
-    return {name: getattr(fit.diagnostics, name) for name in DIAGNOSTICS} if fit.diagnostics else {}
-
-
-def _write_quality(group: h5netcdf.Group, fit: Fit) -> None:
-    group.dimensions = {"block": len(fit.elpd_blocks)}
-    group.create_variable("elpd_blocks", ("block",), data=np.asarray(fit.elpd_blocks, float))
-    _write_scalars(group, {"chi2_reduced": fit.chi2_reduced, "elpd": fit.elpd})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -17,11 +16,17 @@ import pytest
 
 import toolkit
 from pipelines.batch.crew import Crew, crew, loky_processes
+from pipelines.batch.one import fit_one
+from pipelines.layers import resolve
+from synthetic.photograph import render_photograph
+from tests.inference.ball import NOISE, glossy, scene_of
 from toolkit.errors import FitMaterialError, UsageError
 
-from . import fake, shoots
+from . import shoots
+from .cluster import cluster
 from .cut import CREWS, lines
 
+REAL = 40
 LOKY = Crew(workers=2, engage=loky_processes)
 
 
@@ -108,50 +113,12 @@ def test_executors_that_do_not_exist_are_refused() -> None:
             crew(name, jobs=None, version="1")
 
 
-@contextmanager
-def cluster(folder: Path, plan: Path, *, threads_each: int = 1) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
-    """A scheduler and two worker processes on loopback, nothing else listening."""
-    environment = {
-        **os.environ,
-        fake.PLAN: str(plan),
-        "DASK_DISTRIBUTED__WORKER__DAEMON": "false",
-        "DASK_TEMPORARY_DIRECTORY": str(folder),
-    }
-    home = Path(__file__).resolve().parents[2]
-
-    def start(*words: str) -> subprocess.Popen[str]:
-        module = {"scheduler": "dask_scheduler", "worker": "dask_worker"}[words[0]]
-        return subprocess.Popen(
-            [sys.executable, "-m", f"distributed.cli.{module}", *words[1:]],
-            cwd=home,
-            env=environment,
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-        )
-
-    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-    workers: list[subprocess.Popen[str]] = []
-    try:
-        assert scheduler.stderr is not None
-        address = next(found[1] for line in scheduler.stderr if (found := re.search(r"tcp://(127\.0\.0\.1:\d+)", line)))
-        plain = ("--nthreads", str(threads_each), "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
-        workers = [start("worker", address, "--host", "127.0.0.1", *plain) for _ in range(2)]
-        yield address, workers
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
-            if process.stderr is not None:
-                process.stderr.close()
-
-
 def test_a_cluster_loses_a_worker_and_no_photograph(tmp_path: Path, plan: Path) -> None:
     """Dask on loopback, one of two workers killed in mid-run: each photograph done once, the bytes those of loky's."""
     source = shoots.shoot(tmp_path / "shoot", 24, bad=(5,))
     (plan / "sleep").write_text("0.05")
     ended: list[int] = []
-    with cluster(tmp_path, plan) as (address, workers):
+    with cluster(tmp_path) as (address, workers):
         engaged = crew(f"dask://{address}", jobs=None, version=toolkit.__version__)
 
         def strike(item: object, outcome: object) -> None:
@@ -171,9 +138,43 @@ def test_a_cluster_loses_a_worker_and_no_photograph(tmp_path: Path, plan: Path) 
 
 
 @pytest.mark.slow
-def test_workers_of_several_threads_or_another_version_are_refused(tmp_path: Path, plan: Path) -> None:
+def test_real_fits_on_a_cluster_are_those_of_loky(tmp_path: Path) -> None:
+    """Forty small renders, one of dask's two workers killed in mid-run: every file of all results the same bytes."""
+    (tmp_path / "shoot").mkdir()
+    for number in range(REAL):
+        paint = glossy("ggx", alpha=0.08 + 0.004 * number)
+        path = tmp_path / "shoot" / f"ball{number:02d}.dng"
+        size = {"width_px": 100, "height_px": 100}
+        render_photograph(scene_of(100), paint, NOISE, **size, format="dng", exposure=None, seed=number, path=path)
+    asked = {
+        "work": fit_one,
+        "settings_for": lambda one: resolve(one.path, presets=["quick"]),
+        "page": True,
+        "version": toolkit.__version__,
+    }
+    ended: list[int] = []
+    with cluster(tmp_path) as (address, workers):
+
+        def strike(item: object, outcome: object) -> None:
+            ended.append(1)
+            if len(ended) == REAL // 4:
+                workers[0].send_signal(signal.SIGKILL)
+
+        engaged = crew(f"dask://{address}", jobs=None, version=toolkit.__version__)
+        ending = shoots.run(tmp_path / "shoot", tmp_path / "dask", engaged, ended=strike, **asked)
+    assert workers[0].returncode == -signal.SIGKILL
+    assert ending.counts == {"done": REAL}
+    shoots.run(tmp_path / "shoot", tmp_path / "loky", LOKY, **asked)
+    found, expected = shoots.digests(tmp_path / "dask"), shoots.digests(tmp_path / "loky")
+    assert len(found) > 6 * REAL
+    assert [name for name in expected if found.get(name) != expected[name]] == []
+    assert found.keys() == expected.keys()
+
+
+@pytest.mark.slow
+def test_workers_of_several_threads_or_another_version_are_refused(tmp_path: Path) -> None:
     """Plots and decoders are not made for threads; versions are not mixed."""
-    with cluster(tmp_path, plan, threads_each=2) as (address, _):
+    with cluster(tmp_path, threads_each=2) as (address, _):
         with pytest.raises(UsageError, match="several threads"):
             crew(f"dask://{address}", jobs=None, version=toolkit.__version__)
         with pytest.raises(UsageError, match="expected one version"):

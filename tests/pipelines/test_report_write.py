@@ -11,16 +11,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 import OpenEXR
 import pytest
-import xarray
 
 from pipelines.report import write
 from pipelines.report.folder import whole
 from pipelines.report.layers_exr import write_layers
-from pipelines.report.posterior import names, write_posterior
 from pipelines.report.write import output_names, write_outputs
 from pipelines.settings import Settings
 from tests.pipelines import fakes
@@ -200,39 +197,3 @@ def test_layers_lie_in_their_window_of_the_image(report: MaterialReport, tmp_pat
     np.testing.assert_allclose(total[on], channels["model.G"][on], rtol=1e-5)
     again = channels["model.G"] + channels["residual.G"]
     np.testing.assert_allclose(again[on], layers.photograph[..., 1][on], rtol=1e-4, atol=1e-7)
-
-
-def test_the_posterior_reads_back_as_arviz_lays_it_out(report: MaterialReport, tmp_path: Path) -> None:
-    """The best fit's groups at the root, the others under /fits; chain and draw first, channels by name."""
-    write_posterior(tmp_path / "p.nc", replace(report, best=1))
-    with xarray.open_datatree(tmp_path / "p.nc", engine="h5netcdf") as tree:
-        root = tree["posterior"]
-        assert root.attrs["model"] == "phong"
-        assert root["shininess"].dims == ("chain", "draw")
-        assert root["diffuse_albedo"].dims == ("chain", "draw", "channel")
-        assert list(root["channel"].values) == ["R", "G", "B"]
-        np.testing.assert_array_equal(root["shininess"].values, report.fits[1].draws["shininess"])
-        assert set(tree["fits"].children) == {"torrance-sparrow", "blinn-phong", "beckmann", "ggx"}
-        assert tree["fits/ggx/posterior/alpha"].attrs["units"] == "1"
-        assert float(tree["sample_stats/ess_min"]) == pytest.approx(1834.2)
-        assert float(tree["fit/elpd_blocks"].sum()) == pytest.approx(report.fits[1].elpd)
-
-
-def test_fits_of_one_model_get_names_of_their_own(report: MaterialReport) -> None:
-    """Another diffuse lobe shows in the name, another variant in a number."""
-    fit = report.fits[0]
-    assert names((fit, replace(fit, diffuse="wolff"), fit, fit)) == [
-        "torrance-sparrow",
-        "torrance-sparrow+wolff",
-        "torrance-sparrow#2",
-        "torrance-sparrow#3",
-    ]
-
-
-def test_a_fit_without_draws_still_has_its_groups(report: MaterialReport, tmp_path: Path) -> None:
-    """A fit that failed to sample keeps what is known of it."""
-    failed = replace(report.fits[2], draws={}, diagnostics=None, status="stopped", elpd_blocks=np.zeros(0))
-    write_posterior(tmp_path / "p.nc", replace(report, fits=(report.fits[0], failed)))
-    with h5netcdf.File(tmp_path / "p.nc") as file:
-        assert set(file["fits/blinn-phong"].groups) == {"posterior", "sample_stats", "fit"}
-        assert file["fits/blinn-phong/posterior"].attrs["status"] == "not converged"
