@@ -12,6 +12,7 @@ from toolkit.geometry.lights import AnyLight
 from toolkit.radiometry.card import Card, exposure_ratio, measure_card
 from toolkit.records import Floats, LinearImage, RawFrame, Reference, Scene
 
+from .files import card_file
 from .settings import ReferenceTable, Settings
 
 LEAST_COSINE = 0.1  # of the angle between the card's normal and the light
@@ -24,20 +25,28 @@ def lit_by_reference(
 
     `folder` is where a card's own photograph is looked for. Raises BadInputError for a card that cannot be used.
     """
-    table = settings.reference
+    table, own = settings.reference, card_file(settings, folder)
     if table is None:
         return scene, None
     if any(light.irradiance is not None for light in scene.lights):
         raise BadInputError("both light.irradiance and reference tell the scale; leave one of them out")
-    if table.file is None:
+    if own is None:
         _refuse_the_ball(scene, table)
-        card, ratio, ratio_sd = _card_of(frame, image, table, settings), 1.0, 0.0
-    else:
-        card, ratio, ratio_sd = _own_exposure(folder / table.file, image, frame, table, settings)
-    return _lit(scene, table, card, ratio, ratio_sd)
+        return _lit(scene, table, _card_of(frame, image, table, settings))
+    exposed = _read_card(own, frame)
+    card, ratio, ratio_sd = _own_exposure(exposed, image, table, settings)
+    return _lit(scene, table, card, ratio, ratio_sd, sha256=exposed.sha256)
 
 
-def _lit(scene: Scene, table: ReferenceTable, card: Card, ratio: float, ratio_sd: float) -> tuple[Scene, Reference]:
+def _lit(
+    scene: Scene,
+    table: ReferenceTable,
+    card: Card,
+    ratio: float = 1.0,
+    ratio_sd: float = 0.0,
+    *,
+    sha256: str | None = None,
+) -> tuple[Scene, Reference]:
     """Every light times what one of irradiance 1 would have to be multiplied by to show the card as it is."""
     grey = np.array(table.grey)
     unit, cosine_sd = _unit_light(scene, table)
@@ -49,6 +58,7 @@ def _lit(scene: Scene, table: ReferenceTable, card: Card, ratio: float, ratio_sd
         grey=grey,
         box_px=table.box_px,
         file=table.file,
+        sha256=sha256,
         normal=table.normal,
         radiance=ratio * card.radiance,
         irradiance=factor,
@@ -114,10 +124,8 @@ def _card_of(frame: RawFrame, image: LinearImage | None, table: ReferenceTable, 
     return measure_card(quads(part), table.box_px, part.noise)
 
 
-def _own_exposure(
-    path: Path, image: LinearImage, frame: RawFrame, table: ReferenceTable, settings: Settings
-) -> tuple[Card, float, float]:
-    """The card in a photograph of its own, in the ball's place: its radiance, and the factor to the ball's exposure."""
+def _read_card(path: Path, frame: RawFrame) -> RawFrame:
+    """The card's own photograph, of the kind that the ball's is."""
     from toolkit.io.read import read
 
     if not path.is_file():
@@ -125,6 +133,13 @@ def _own_exposure(
     own = read(path)
     if own.format != frame.format:
         raise BadInputError(f"{own.name} is a {own.format} file, {frame.name} a {frame.format} one; expected one kind")
+    return own
+
+
+def _own_exposure(
+    own: RawFrame, image: LinearImage, table: ReferenceTable, settings: Settings
+) -> tuple[Card, float, float]:
+    """The card in a photograph of its own, in the ball's place: its radiance, and the factor to the ball's exposure."""
     try:
         ratio, ratio_sd = exposure_ratio(image.metadata, own.metadata)
         return _card_of(own, None, table, settings), ratio, ratio_sd

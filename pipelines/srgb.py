@@ -7,7 +7,7 @@ green channel left as it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,8 @@ from toolkit.records import (
     Scene,
     readonly,
 )
+
+from .files import chart_file
 
 if TYPE_CHECKING:
     from .settings import Settings
@@ -52,22 +54,23 @@ def chart_of(frame: RawFrame, path: Path, settings: Settings) -> CameraColour | 
 
     Raises BadInputError for a photograph that cannot be used.
     """
-    if settings.colour.chart is None:
+    other = chart_file(settings, path.parent)
+    if other is None:
         return None
     from toolkit.io.read import read
     from toolkit.radiometry.chart import colour_of_chart, find_chart
     from toolkit.radiometry.linearise import linearise
     from toolkit.radiometry.quads import quads
 
-    other = path.parent / settings.colour.chart
     if not other.is_file():
         raise BadInputError(f"colour.chart {other} does not exist; expected a photograph of a 24-patch chart")
     own = frame if other.samefile(path) else read(other)
     try:
         picture = quads(linearise(own, transfer=settings.image.transfer))
-        return colour_of_chart(find_chart(picture.values, picture.flags == 0))
+        found = colour_of_chart(find_chart(picture.values, picture.flags == 0))
     except FitMaterialError as error:
         raise BadInputError(f"{own.name}: {error}") from error
+    return replace(found, chart_sha256=own.sha256)
 
 
 def colour_of(metadata: Metadata, scene: Scene, separation: ColourLayers | None) -> CameraColour | None:

@@ -190,6 +190,7 @@ class Reference:
     grey: Floats
     box_px: tuple[int, int, int, int]
     file: str | None  # its own photograph; None: in the ball's
+    sha256: str | None  # of its own photograph
     normal: tuple[float, float, float]
     radiance: Floats
     irradiance: Floats
@@ -210,6 +211,7 @@ class CameraColour:
     source: Literal["forward-matrix", "colour-matrix", "chart"]
     delta_e: float | None = None
     white: Floats | None = None  # (3,) the light's colour that the chart's greys show, radiance of a perfect white
+    chart_sha256: str | None = None  # of the chart's photograph
 
     def __post_init__(self) -> None:
         readonly(self)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from pipelines.files import card_file, chart_file, digest_if_any, digest_of
 from pipelines.settings import Settings
 
 Status = Literal["done", "kept", "failed"]
@@ -52,18 +53,27 @@ class Outcome:
     seconds: float = 0.0
 
 
-def settings_digest(settings: Sequence[Settings], *, page: bool, exports: tuple[str, ...]) -> str:
-    """One digest of all that a result depends on besides photographs and version."""
-    told = {"settings": [one.model_dump(mode="json") for one in settings], "page": page, "exports": sorted(exports)}
+def settings_digest(
+    asked: Sequence[tuple[Path, Settings]],
+    *,
+    page: bool,
+    exports: tuple[str, ...],
+    digest: Callable[[Path | None], str | None] = digest_if_any,
+) -> str:
+    """One digest of all that a result depends on besides its own photographs and the version.
+
+    The grey card's and the colour chart's photographs count with the settings that name them; `digest` may remember.
+    """
+    told = {
+        "settings": [own.model_dump(mode="json") for _, own in asked],
+        "beside": [[digest(of(own, path.parent)) for of in (card_file, chart_file)] for path, own in asked],
+        "page": page,
+        "exports": sorted(exports),
+    }
     return hashlib.sha256(json.dumps(told, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
 
 
-def digest_of(*paths: Path) -> str:
+def digest_of_all(paths: Sequence[Path]) -> str:
     """SHA-256 of a file, or of several files' digests."""
-    digests = [_digest(path) for path in paths]
+    digests = [digest_of(path) for path in paths]
     return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

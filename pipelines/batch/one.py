@@ -9,12 +9,13 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
+from pipelines.files import digest_of
 from pipelines.report.stored import read_result
 from pipelines.report.text import stem
 from toolkit.errors import BadInputError, FitMaterialError
 
 from .card import SUFFIX, read_card, write_card
-from .job import Job, Outcome, digest_of, settings_digest
+from .job import Job, Outcome, digest_of_all, settings_digest
 from .places import inside
 
 
@@ -56,8 +57,8 @@ def _fit_one(job: Job, begin: float) -> Outcome:
 
 def key_of(job: Job) -> dict[str, str]:
     """Of which photographs, settings and version a result is."""
-    settings = settings_digest([own for _, own in job.asked], page=job.page, exports=job.exports)
-    return {"input": digest_of(*(path for path, _ in job.asked)), "settings": settings, "version": job.version}
+    settings = settings_digest(job.asked, page=job.page, exports=job.exports)
+    return {"input": digest_of_all([path for path, _ in job.asked]), "settings": settings, "version": job.version}
 
 
 def _before(job: Job, key: Mapping[str, str]) -> Outcome | None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
+from pipelines.files import digest_if_any
 from pipelines.report.text import clean
 from pipelines.settings import Settings
 from toolkit.errors import BadInputError
@@ -44,7 +46,8 @@ def plan(photographs: Sequence[Photograph], options: Options) -> list[Item]:
     """Settings and place of each fit; raises UsageError for a flag's mistake, which would fail all."""
     together = grouped(photographs)
     found = places([group[0] for group in together])
-    return [_item(group, str(place), options) for group, place in zip(together, found, strict=True)]
+    digest = cache(digest_if_any)  # one card may serve a thousand photographs
+    return [_item(group, str(place), options, digest) for group, place in zip(together, found, strict=True)]
 
 
 def grouped(photographs: Sequence[Photograph]) -> list[tuple[Photograph, ...]]:
@@ -55,13 +58,16 @@ def grouped(photographs: Sequence[Photograph]) -> list[tuple[Photograph, ...]]:
     return [tuple(group) for group in groups.values()]
 
 
-def _item(group: tuple[Photograph, ...], place: str, options: Options) -> Item:
+def _item(
+    group: tuple[Photograph, ...], place: str, options: Options, digest_of: Callable[[Path | None], str | None]
+) -> Item:
     try:
         settings = tuple(options.settings_for(one) for one in group)
         _refuse_unlike(group, settings)
     except BadInputError as error:
         return Item(photographs=group, place=place, settings=(), error=error)
-    digest = settings_digest(settings, page=options.page, exports=options.exports)
+    asked = [(one.path.absolute(), own) for one, own in zip(group, settings, strict=True)]
+    digest = settings_digest(asked, page=options.page, exports=options.exports, digest=digest_of)
     return Item(photographs=group, place=place, settings=settings, digest=digest)
 
 

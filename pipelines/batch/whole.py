@@ -68,6 +68,7 @@ def batch(
 
         if jobs:
             run(jobs, crew, work, ended=over, note=note)
+            _sweep(options.out)
         ending = Ending(items=items, outcomes=[outcomes[number] for number in range(len(items))])
         finish(ending, options)
     return ending
@@ -89,23 +90,27 @@ def _folder(options: Options) -> None:
 
 
 def _sweep(out: Path) -> None:
-    """Remove what a killed run left half made; nothing of the kind belongs to a running one, which holds the lock."""
+    """Remove what a killed run, or a worker that died, left half made; nothing of the kind belongs to another batch
+    that is running, for this one holds the lock.
+    """
     for draft in list(out.rglob(".fit-material-*.part")):
         if draft.is_dir() and not draft.is_symlink():
             shutil.rmtree(draft, ignore_errors=True)
 
 
 def _refuse_other_settings(items: Sequence[Item], book: Journal) -> None:
-    other = [item for item in items if (known := book.before.get(item.place)) and _other(known, item)]
+    other = [
+        item for item in items if (known := book.before.get(item.place)) and _other(known, item) and known.get("result")
+    ]
     if other:
         raise UsageError(
             f"the results of {len(other)} photographs, {other[0].place} the first, are of other settings or outputs; "
-            "expected the same flags and scene files, or --overwrite"
+            "expected the same flags, scene files, cards and charts, or --overwrite"
         )
 
 
-def _other(known: Mapping[str, Any], item: Item) -> bool:
-    return bool(known.get("settings")) and bool(item.digest) and known["settings"] != item.digest
+def _other(known: Mapping[str, Any] | None, item: Item) -> bool:
+    return bool(known and known.get("settings") and item.digest and known["settings"] != item.digest)
 
 
 def _jobs(
@@ -118,6 +123,7 @@ def _jobs(
             book.ended(item.place, "", outcomes[number])
             ended(item, outcomes[number])
             continue
+        known = book.before.get(item.place)
         yield Job(
             number=number,
             asked=tuple((one.path.absolute(), own) for one, own in zip(item.photographs, item.settings, strict=True)),
@@ -127,6 +133,6 @@ def _jobs(
             exports=options.exports,
             version=options.version,
             resume=options.resume,
-            before=book.before.get(item.place),
+            before=None if _other(known, item) else known,  # what failed by other settings is tried anew
             beacon=None,
         )

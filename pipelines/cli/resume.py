@@ -1,13 +1,13 @@
-"""Results of an earlier run: kept only where they are of this very image, these settings and this version."""
+"""Results of an earlier run: kept only where they are of these very photographs, these settings and this version."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import toolkit
+from pipelines.files import card_file, chart_file, digest_if_any, digest_of
 from pipelines.layers import read_settings
 from pipelines.report.stored import read_result
 from pipelines.report.text import stem
@@ -33,20 +33,19 @@ def finished(asked: Sequence[tuple[Path, Settings]], out: Path) -> Mapping[str, 
 
 
 def _same(asked: Sequence[tuple[Path, Settings]], result: Mapping[str, Any], written: Path) -> list[tuple[str, bool]]:
-    found = result.get("photographs") or [result]
-    digests = [_inner(one, "image", "sha256") for one in found if isinstance(one, dict)]
+    found = [one for one in result.get("photographs") or [result] if isinstance(one, dict)]
+    images = [digest_of(image) for image, _ in asked]
+    cards = [digest_if_any(card_file(own, image.parent)) for image, own in asked]
+    charts = [digest_if_any(chart_file(own, image.parent)) for image, own in asked]
     numbers = ["", *(f"-{number}" for number in range(2, len(asked) + 1))]
     told = [_read_back(Path(f"{written}.settings{number}.toml")) for number in numbers]
     return [
-        ("another image", digests == [_digest(image) for image, _ in asked]),
+        ("another image", images == [_inner(one, "image", "sha256") for one in found]),
+        ("another grey card", cards == [_inner(one, "reference", "sha256") for one in found]),
+        ("another colour chart", charts == [_inner(one, "colour", "chart_sha256") for one in found]),
         ("other settings", told == [settings for _, settings in asked]),
         ("another version", _inner(result, "software", "fit-material") == toolkit.__version__),
     ]
-
-
-def _digest(image: Path) -> str:
-    with image.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _read_back(path: Path) -> Settings | None:

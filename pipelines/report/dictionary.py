@@ -32,11 +32,15 @@ FIELDS = (
         "scale",
         "absolute where irradiance or a grey card is given; relative: albedos are in units of the unknown scale",
     ),
-    ("reference", "the grey card: reflectance, box, file, normal; its radiance, the irradiance that follows, its sd"),
+    (
+        "reference",
+        "the grey card: reflectance, box, file and its SHA-256, normal; its radiance, the irradiance that follows, its "
+        "sd",
+    ),
     (
         "colour",
-        "to_srgb: matrix from reflectances in camera RGB to linear sRGB, white to white; source; delta_e of a chart's "
-        "patches; light: its colour in camera RGB",
+        "to_srgb: matrix from reflectances in camera RGB to linear sRGB, white to white; source; of a "
+        "chart its photograph's SHA-256 and the delta_e of its patches; light: its colour in camera RGB",
     ),
     ("sphere", "centre and radius in pixels, where the fits started; sd of x, y, radius; given: what the settings say"),
     (

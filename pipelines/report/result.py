@@ -235,6 +235,7 @@ def _reference(reference: Reference) -> dict[str, Any]:
         "grey": reference.grey,
         "box_px": reference.box_px,
         "file": None if reference.file is None else base_name(reference.file),
+        "sha256": reference.sha256,
         "normal": reference.normal,
         "radiance": reference.radiance,
         "irradiance": reference.irradiance,
@@ -243,7 +244,7 @@ def _reference(reference: Reference) -> dict[str, Any]:
 
 
 def _colour(one: Photograph | MaterialReport) -> dict[str, Any]:
-    shown = ("source", "to_srgb", "delta_e")
+    shown = ("source", "chart_sha256", "to_srgb", "delta_e")
     return {**{name: getattr(one.colour, name) for name in shown}, "light": light_of(one)}
 
 

@@ -14,7 +14,7 @@ from pipelines.batch.inputs import photographs
 from pipelines.batch.journal import NAME
 from pipelines.batch.plan import Options
 from pipelines.batch.whole import Ending, batch
-from pipelines.settings import FitTable, Settings
+from pipelines.settings import ColourTable, FitTable, ReferenceTable, Settings
 from toolkit.errors import UsageError
 
 from . import fake, shoots
@@ -77,6 +77,19 @@ def test_a_resumed_batch_that_misses_nothing_fits_nothing(tmp_path: Path, plan: 
     assert shoots.digests(out) == before
 
 
+def test_a_worker_that_died_while_writing_leaves_nothing(tmp_path: Path) -> None:
+    """What it had half made beside its place goes, at the latest as the batch ends."""
+    source, out = shoots.shoot(tmp_path / "shoot", 2), tmp_path / "out"
+
+    def ended(item: object, outcome: object) -> None:
+        (out / "day1" / ".fit-material-x.part").mkdir(exist_ok=True)
+        (out / "day1" / ".fit-material-x.part" / "ball000.json").write_bytes(b'{"half')
+
+    shoots.run(source, out, ended=ended)
+    assert not list(out.rglob(".fit-material-*"))
+    assert (out / "batch.json").is_file()
+
+
 def test_new_photographs_join_on_resume(tmp_path: Path, plan: Path) -> None:
     """Only those are fitted."""
     source, out = shoots.shoot(tmp_path / "shoot", 2), tmp_path / "out"
@@ -116,6 +129,43 @@ def test_a_photograph_that_changed_is_not_taken_for_the_old_one(tmp_path: Path) 
         ending = shoots.run(source, out, resume=True)
         assert "has changed since it was fitted" in ending.outcomes[0].error
         assert ending.outcomes[1].status == "kept"
+
+
+def test_a_card_that_changed_is_other_settings(tmp_path: Path, plan: Path) -> None:
+    """As a scene file's other words are: refused while it is another one; the first one's bytes are kept."""
+    source, out = shoots.shoot(tmp_path / "shoot", 2), tmp_path / "out"
+    card, chart = tmp_path / "card.dng", tmp_path / "chart.dng"
+    card.write_bytes(b"grey")
+    chart.write_bytes(b"colours")
+    reference = ReferenceTable(grey=(0.18, 0.18, 0.18), box_px=(0, 0, 9, 9), file=str(card))
+    told = Settings(reference=reference, colour=ColourTable(chart=str(chart)))
+    asked = {"settings_for": lambda one: told}
+    shoots.run(source, out, **asked)
+    before = shoots.digests(out)
+    for path in (card, chart):
+        held = path.read_bytes()
+        path.write_bytes(held + b", but another")
+        refuse("other settings", source, out, resume=True, **asked)
+        path.unlink()
+        refuse("other settings", source, out, resume=True, **asked)
+        path.write_bytes(held)
+        assert shoots.run(source, out, resume=True, **asked).counts == {"kept": 2}
+    assert shoots.digests(out) == before
+
+
+def test_what_failed_without_its_card_is_fitted_once_it_is_there(tmp_path: Path, plan: Path) -> None:
+    """Where there is no result, there is nothing to mix."""
+    source, out, card = shoots.shoot(tmp_path / "shoot", 2, bad=(1,)), tmp_path / "out", tmp_path / "card.dng"
+    reference = ReferenceTable(grey=(0.18, 0.18, 0.18), box_px=(0, 0, 9, 9), file=str(card))
+    own = {"day2": Settings(reference=reference), "day1": Settings()}
+    asked = {"settings_for": lambda one: own[one.path.parent.name]}
+    assert shoots.run(source, out, **asked).counts == {"done": 1, "failed": 1}
+    (plan / "log").unlink()
+    shoots.run(source, out, resume=True, **asked)
+    assert begun(plan) == []
+    card.write_bytes(b"grey")
+    shoots.run(source, out, resume=True, **asked)
+    assert begun(plan) == ["ball001.dng"]
 
 
 def test_two_batches_do_not_write_into_one_folder(tmp_path: Path) -> None:

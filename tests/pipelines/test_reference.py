@@ -5,6 +5,7 @@ The card is painted into the photograph by Lambert's law alone, E rho cos / pi; 
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from pathlib import Path
 from typing import Any
@@ -133,6 +134,7 @@ def test_a_card_in_a_photograph_of_its_own(folder: Path, tmp_path: Path) -> None
     told = {**IN_FRAME, "box_px": (100, 100, 160, 160), "file": "card.dng", "normal": (0.3, 0.2, 1.0)}
     found = card_of(folder, **told)
     assert np.abs((found.irradiance - EXPOSURE * LIGHT_COLOUR) / found.irradiance_sd).max() < 3
+    assert found.sha256 == hashlib.sha256(card.read_bytes()).hexdigest()
     unturned = card_of(folder, **{**told, "normal": (0.0, 0.0, 1.0)})
     assert np.all(np.abs(unturned.irradiance / found.irradiance - 1) > 0.05)
     slower = tmp_path / "slower.dng"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def test_a_chart_tells_matrix_and_light(folder: Path) -> None:
     report = fit_material(folder / "ball.dng", settings(colour={"chart": "chart.dng"}))
     assert report.colour is not None
     assert report.colour.source == "chart"
+    assert report.colour.chart_sha256 == hashlib.sha256((folder / "chart.dng").read_bytes()).hexdigest()
     known = np.linalg.inv(CAMERA / CAMERA.sum(axis=1, keepdims=True))
     np.testing.assert_allclose(report.colour.to_srgb, known, atol=0.05)
     assert report.separation is not None
