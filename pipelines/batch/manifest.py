@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.layers import shown
+from pipelines.told import numbers
 from toolkit.errors import BadInputError, UsageError
 
 from .inputs import as_written
@@ -121,8 +122,6 @@ def _columns(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _numbers(text: str, form: str, where: str, column: str) -> list[float]:
-    from pipelines.cli.flags import numbers
-
     try:
         return numbers(column, text.replace(";", ",").replace(" ", ""), form)
     except UsageError as error:

@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from pipelines.files import digest_of
 from pipelines.report.stored import read_result
 from pipelines.report.text import stem
+from pipelines.told import in_one_line
 from toolkit.errors import BadInputError, FitMaterialError
 
 from .card import SUFFIX, read_card, write_card
@@ -31,11 +32,9 @@ def fit_one(job: Job) -> Outcome:
 
 def failure(number: int, error: BaseException, *, digest: str = "") -> Outcome:
     """How a photograph ended whose fit raised."""
-    from pipelines.cli.terminal import line
-
     foreseen = isinstance(error, FitMaterialError)
     code = error.exit_code if isinstance(error, FitMaterialError) else 1
-    text = line(error) if isinstance(error, Exception) else type(error).__name__
+    text = in_one_line(error) if isinstance(error, Exception) else type(error).__name__
     lasting = foreseen and isinstance(error, BadInputError) and bool(digest)
     return Outcome(number=number, status="failed", error=text, code=code, input=digest, lasting=lasting)
 

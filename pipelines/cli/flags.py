@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from pipelines.told import numbers
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -193,17 +194,6 @@ def _reference(text: str) -> dict[str, object]:
     box = [int(value) if value.is_integer() else value for value in numbers("--reference", place, "X,Y,W,H")]
     table: dict[str, object] = {"grey": reflectance if len(reflectance) == 3 else reflectance[0], "box_px": box}
     return {**table, "file": str(Path(file).absolute())} if file else table
-
-
-def numbers(flag: str, text: str, form: str) -> list[float]:
-    """`0.4,0.3,0.87` as numbers; raises UsageError on another form."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if len(found) != len(form.split(",")):
-        raise UsageError(f"{flag}: found {text!r}; expected {form}, numbers with commas and no spaces")
-    return found
 
 
 def settings_for(image: Path | None, scene: SceneFlags, fit: FitFlags | None = None) -> Settings:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from pipelines.told import numbers
 from toolkit.errors import UsageError
 
-from .flags import Texts, numbers
+from .flags import Texts
 from .terminal import Terminal
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pipelines.told import in_one_line
 from toolkit.errors import FitMaterialError
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class Terminal:
 
     def failure(self, name: str, error: Exception, *, lines: bool = False) -> int:
         """Tell of a failure on stderr, and as an object on stdout where JSON is wanted; returns its exit code."""
-        text = line(error)
+        text = in_one_line(error)
         if self.debug:
             _stderr("".join(traceback.format_exception(error)).rstrip())
         said = text.removeprefix(f"{os.path.basename(name)}: ")  # noqa: PTH119  # pathlib would be this module's only use
@@ -119,19 +120,6 @@ class Terminal:
             _discard_stdout()
             return code or 1
         return code
-
-
-def line(error: Exception) -> str:
-    """What a user is told of an error; one that nobody foresaw says so."""
-    if isinstance(error, FitMaterialError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "not enough memory for this image; expected a smaller one, or more memory"
-    if isinstance(error, OSError):
-        place = f"{error.filename}: " if error.filename else ""
-        return f"{place}{error.strerror or error}; expected a place that can be read and written"
-    reason = str(error).partition("\n")[0]
-    return f"unexpected {type(error).__name__}: {reason}; this is a defect of fit-material, --debug shows where"
 
 
 def open_closed_streams() -> None:
