@@ -37,11 +37,8 @@ def outcome(found: Score, *, seconds: float, trials: str) -> dict[str, Any]:
         "verdict": verdict(found),
         "good": not said,
         "complaints": list(said),
-        "coverage": _levels(found.all.coverage),
+        **_statistics(found.all),
         "coverage_error": found.all.coverage_error,
-        "efficiency": _or_null(found.all.efficiency),
-        "efficiency_error": _or_null(found.all.efficiency_error),
-        "mean_z2": found.all.mean_z2,
         "psnr_db": float(sorted(found.psnr_db)[len(found.psnr_db) // 2]) if len(found.psnr_db) else None,
         "false_alarms": found.false_alarms,
         "models": [_pool(pool) for pool in found.models],
@@ -58,11 +55,8 @@ def _pool(pool: Pool) -> dict[str, Any]:
     return {
         "name": pool.name,
         "renders": pool.count,
-        "coverage": _levels(pool.coverage),
+        **_statistics(pool),
         "coverage_error": pool.coverage_error,
-        "mean_z2": pool.mean_z2,
-        "efficiency": _or_null(pool.efficiency),
-        "efficiency_error": _or_null(pool.efficiency_error),
     }
 
 
@@ -71,14 +65,21 @@ def _group(group: Group) -> dict[str, Any]:
         "model": group.model,
         "parameter": group.name,
         "renders": group.count,
-        "coverage": _levels(group.coverage),
+        **_statistics(group),
         "mean_z": group.mean_z,
-        "mean_z2": group.mean_z2,
         "rank_p": group.rank_p,
         "relative_rmse": group.relative_rmse,
         "rmse": group.unit_rmse,
-        "efficiency": _or_null(group.efficiency),
-        "efficiency_error": _or_null(group.efficiency_error),
+    }
+
+
+def _statistics(one: Group | Pool) -> dict[str, Any]:
+    """What is told of any numbers of any renders."""
+    return {
+        "coverage": {f"{level:g}": share for level, share in one.coverage.items()},
+        "mean_z2": one.mean_z2,
+        "efficiency": _or_null(one.efficiency),
+        "efficiency_error": _or_null(one.efficiency_error),
     }
 
 
@@ -104,10 +105,6 @@ def _missed(line: Mapping[str, Any]) -> dict[str, Any]:
         "flags": line["flags"],
         "largest_shift_sd": worst_of(line),
     }
-
-
-def _levels(coverage: Mapping[float, float]) -> dict[str, float]:
-    return {f"{level:g}": share for level, share in coverage.items()}
 
 
 def _or_null(value: float) -> float | None:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pipelines.cli import main
 from pipelines.cli.progress import duration
+from tests.command import Run, runs
 
 from . import fake, shoots
-
-Out = tuple[int, str, str]
-Run = Callable[..., Out]
 
 
 @pytest.fixture
@@ -24,13 +20,7 @@ def run(plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.setattr("pipelines.batch.whole.batch.__kwdefaults__", {"work": fake.work})
     monkeypatch.chdir(tmp_path)
     shoots.shoot(tmp_path / "shoot", 4, bad=(2,))
-
-    def call(*words: str) -> Out:
-        code = main(["batch", *words])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+    return runs(capsys, "batch")
 
 
 def test_a_summary_on_stderr_and_exit_code_4_where_some_failed(run: Run) -> None:

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from pipelines.cli import main
 from pipelines.cli.fit import COMMANDS, exit_code
 from pipelines.settings import Settings
+from tests.command import Run, runs
 from toolkit.errors import BadInputError, FitMaterialError
 from toolkit.flags import Flag
 from toolkit.records import MaterialReport
@@ -74,22 +74,10 @@ def job(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Fake:
     return fake
 
 
-Out = tuple[int, str, str]
-
-
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Out]:
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
     """Run the command line: exit code, stdout, stderr."""
-
-    def call(*words: str) -> Out:
-        code = main(words)
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
-
-
-Run = Callable[..., Out]
+    return runs(capsys)
 
 
 def one_line(text: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 
 from pipelines.cli import main
 from pipelines.layers import read_settings
+from tests.command import Run, runs
 from tests.docs.console import ROOT
 from tests.geometry.mirror_ball import photographed, traced
 
@@ -20,7 +20,6 @@ TRUTH = np.array([0.55, 0.50, 0.669]) / np.linalg.norm([0.55, 0.50, 0.669])
 FOCAL_PX = 2500.0
 BALLS = [(-3.0, 0.0, -25.0), (3.0, 0.5, -26.0)]  # radii from the camera; the lamp as well
 LAMP = np.array([9.0, 11.0, -8.0])
-Run = Callable[..., tuple[int, str, str]]
 
 
 def _apart_deg(a: Any, b: Any) -> float:
@@ -50,13 +49,7 @@ def _write(path: Path, signal: Any) -> None:
 def run(photographs: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command line in the folder of the photographs."""
     monkeypatch.chdir(photographs)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        code = main(words)
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+    return runs(capsys)
 
 
 def _circle(ball: tuple[float, float, float]) -> str:

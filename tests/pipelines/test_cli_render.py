@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipelines.cli import main
 from pipelines.layers import read_settings, sidecar_of
+from tests.command import Run, runs
 
 SCENE = """
 [image]
@@ -33,7 +32,6 @@ alpha = 0.2
 specular_f0 = 0.04
 diffuse_albedo = [0.6, 0.3, 0.1]
 """
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
@@ -41,13 +39,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp
     """Run the command line in a folder with a scene file."""
     monkeypatch.chdir(tmp_path)
     Path("scene.toml").write_text(SCENE)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        code = main(words)
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+    return runs(capsys)
 
 
 def test_render_writes_a_photograph_its_scene_file_and_the_truth(run: Run) -> None:

@@ -16,6 +16,7 @@ import pytest
 from pipelines.cli import main
 from pipelines.doctor.exposure import exposure_of
 from pipelines.doctor.picture import OUTLINE
+from tests.command import Run, runs
 from tests.realdata import folder
 from toolkit.geometry.project import limb_px
 from toolkit.records import Camera, Sphere
@@ -50,7 +51,6 @@ specular_f0 = 0.04
 diffuse_albedo = [0.3, 0.16, 0.05]
 """
 PEAK = 0.80  # of white, that the scene's highlight reaches in green
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +68,7 @@ def run(good: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     for path in good.iterdir():
         Path(path.name).write_bytes(path.read_bytes())
-    capsys.readouterr()
-
-    def call(*words: str) -> tuple[int, str, str]:
-        code = main(words)
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+    return runs(capsys)
 
 
 @pytest.fixture
