@@ -308,6 +308,7 @@ class Fit:
     scene: Scene  # the geometry at the optimum, with fitted nuisances
     nuisances: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # shift and its sd, by name with unit
     bic: float = float("nan")  # Schwarz's criterion over the cells' means; smaller is better
+    tempering: float = 1.0  # how many times less than by their noise the data weighed, for what the model gets wrong
     others: tuple[Scene, ...] = ()  # of a joint fit, the other photographs' geometry; their own numbers are "_2", ...
 
     @property

@@ -69,6 +69,7 @@ FIELDS = (
         "fits[].bic",
         "Schwarz's criterion; smaller is better, were one of the models exactly right",
     ),
+    ("fits[].tempering", "how many times less than by their noise the data weighed, for what the model gets wrong"),
     (
         "fits[].posterior",
         "draws, least effective draws, largest R-hat and autocorrelation time, acceptance, seed, error by quadrature",

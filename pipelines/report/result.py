@@ -258,6 +258,7 @@ def _fit(report: MaterialReport, fit: Fit) -> dict[str, Any]:
         "chi2_reduced": fit.chi2_reduced,
         "elpd": fit.elpd,
         "bic": fit.bic,
+        "tempering": fit.tempering,
         "parameters": {parameter.name: _parameter(report, fit, parameter) for parameter in fit.parameters},
         "posterior": _posterior(fit),
     }

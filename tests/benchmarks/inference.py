@@ -23,9 +23,10 @@ from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.normal import inverse, solve
-from toolkit.inference.nuisances import fit_with_shifts, shifts_of
+from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.posterior import sample
 from toolkit.inference.problem import Optimum, pose
+from toolkit.inference.settle import fit_with_shifts
 from toolkit.records import Floats, LinearImage, Scene
 
 from . import rivals

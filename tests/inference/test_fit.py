@@ -17,8 +17,9 @@ from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.normal import Prior, bounded, inverse
-from toolkit.inference.nuisances import fit_with_shifts, shifts_of
+from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
+from toolkit.inference.settle import fit_with_shifts
 from toolkit.records import Fit, Scene
 
 from .ball import BODY, F0, NOISE, photograph, radiance_of

@@ -18,8 +18,9 @@ from toolkit.inference.cells import gather
 from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
-from toolkit.inference.nuisances import doubted, fit_with_shifts, shifts_of
+from toolkit.inference.nuisances import doubted, shifts_of
 from toolkit.inference.problem import pose
+from toolkit.inference.settle import fit_with_shifts
 from toolkit.inference.structure import LEAST_P, structure_chances, structure_p
 from toolkit.io.read import read
 

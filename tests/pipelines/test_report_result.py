@@ -50,6 +50,7 @@ FIT = [
     "chi2_reduced",
     "elpd",
     "bic",
+    "tempering",
     "parameters",
     "posterior",
 ]

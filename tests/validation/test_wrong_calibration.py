@@ -21,8 +21,9 @@ from toolkit.inference.compare import rank
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.normal import inverse
-from toolkit.inference.nuisances import fit_with_shifts, shifts_of, tangents
+from toolkit.inference.nuisances import shifts_of, tangents
 from toolkit.inference.problem import pose
+from toolkit.inference.settle import fit_with_shifts
 from toolkit.records import Floats, Noise, Scene
 
 SIZE_PX, ROUGHNESS_RAD = 256, 0.12

@@ -30,6 +30,11 @@ class Blocks:
     score: Floats
     density: Floats
 
+    def centred(self) -> Floats:
+        """Scores (b, P) of the blocks that hold samples, about their mean; their products sum to the scores' spread."""
+        used = self.score[np.any(self.score != 0.0, axis=1)]
+        return np.asarray((used - used.mean(axis=0)) * np.sqrt(len(used) / max(len(used) - 1, 1)))
+
 
 def blocks_of(scene: Scene, cells: Cells) -> NDArray[np.intp]:
     """The block of every cell (N,)."""

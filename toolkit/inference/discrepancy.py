@@ -3,7 +3,7 @@
 What a model gets wrong is shared by neighbouring samples, so it shows in how far the blocks of the surface pull the
 answer apart. Where they do so beyond what the noise explains, the posterior is stretched to the covariance that the
 blocks' own scores have (the sandwich: Huber 1967, White 1982; applied to draws: Shaby 2014). Where they do not, as on
-a perfect render, nothing changes.
+a perfect render, nothing changes. What the data weigh on the whole is settled before: see `tempering`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,9 @@ def stretch_of(optimum: Optimum, blocks: Blocks) -> Floats:
     """
     covariance = inverse(optimum.joint)
     root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
-    used = np.any(blocks.score != 0.0, axis=1)
-    count = int(used.sum())
-    scores = (blocks.score[used] - blocks.score[used].mean(axis=0)) @ root
-    spread, directions = np.linalg.eigh(scores.T @ scores * (count / max(count - 1, 1)))
-    chance = (1.0 + np.sqrt(len(root) / max(count, 1))) ** 2
+    scores = blocks.centred() @ root
+    spread, directions = np.linalg.eigh(scores.T @ scores)
+    chance = (1.0 + np.sqrt(len(root) / max(len(scores), 1))) ** 2
     factor = np.sqrt(np.where(spread > chance, spread, 1.0))
     whitened = (directions * factor) @ directions.T
     return np.asarray(root @ whitened @ np.linalg.inv(root))

@@ -95,11 +95,10 @@ def unit_of(optimum: Optimum, name: str) -> str:
     return "relative" if relative else "1"
 
 
-def estimates_of(optimum: Optimum, draws: Draws) -> tuple[Estimate, ...]:
-    """Every parameter with posterior mean, mode, sds and equal-tailed intervals."""
+def estimates_of(optimum: Optimum, draws: Draws, statistical: Mapping[str, Floats]) -> tuple[Estimate, ...]:
+    """Every parameter with posterior mean, mode, sds and equal-tailed intervals; `statistical` sds where there are."""
     by_name = posterior_draws(optimum, draws)
     mode = named_draws(optimum, optimum.u[None], optimum.x[None])
-    statistical = statistical_sds(optimum)
     prior = _prior_sds(optimum)
     result = [
         _estimate(optimum, name, values, mode[name][0], statistical.get(name), prior[name])
@@ -198,19 +197,27 @@ def flags_of(
         found.append(Flag.CHAIN_TOO_SHORT)
     if optimum.on_bound.any():
         found.append(Flag.NEAR_BOUND)
-    by_name: Mapping[str, Estimate] = {e.name: e for e in estimates}
     told = [e for e in estimates if not e.name.startswith("pedestal")]
     wide = [e for e in told if e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED]
     if wide:
         found.append(Flag.NOT_IDENTIFIED)
-    specular = by_name.get("specular_strength") or by_name["specular_albedo"]
-    if specular.estimate is not None and specular.sd is not None:
-        over = np.asarray(specular.estimate) / np.maximum(specular.sd, 1e-300)
-        if np.all(over < DETECTED_SD):
-            found.append(Flag.NO_SPECULAR)
+    if not _detected(optimum):
+        found.append(Flag.NO_SPECULAR)
     if misfit[0] > POOR_CHI2 and misfit[1] > POOR_RESIDUAL:
         found.append(Flag.POOR_FIT)
     return tuple(found)
+
+
+def _detected(optimum: Optimum) -> bool:
+    """Whether the specular coefficients stand above nothing, together, at the shape that was found.
+
+    At that shape, since strength and width of a highlight whose core is clipped trade against each other.
+    """
+    layout = optimum.problem.layout
+    specular = [i for i, (name, _) in enumerate(layout.names) if name.startswith("specular")]
+    covariance = inverse(optimum.joint[: layout.size, : layout.size])[np.ix_(specular, specular)]
+    found = optimum.x[specular]
+    return bool(found @ np.linalg.pinv(covariance) @ found > len(specular) * DETECTED_SD**2)
 
 
 def schlick_misleads(optimum: Optimum, estimates: tuple[Estimate, ...]) -> bool:

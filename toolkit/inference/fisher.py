@@ -14,8 +14,9 @@ import numpy as np
 from toolkit.records import Floats
 
 from .normal import inverse
-from .nuisances import Shifts, sensitivity
+from .nuisances import Shifts
 from .problem import Optimum, Problem, pose_views, weights_at
+from .settle import sensitivity
 
 Truth = Mapping[str, Floats | float]
 

@@ -13,14 +13,16 @@ from .blocks import blocks_of, by_block
 from .cells import Cells, gather
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
-from .estimates import estimates_of, flags_of, named_draws, posterior_draws, schlick_misleads
+from .estimates import estimates_of, flags_of, named_draws, posterior_draws, schlick_misleads, statistical_sds
 from .joint import on_one_scale
 from .model import Model
 from .normal import inverse
-from .nuisances import Shifts, doubted, fit_with_shifts, shifted, shifts_of_all
+from .nuisances import Shifts, doubted, shifted, shifts_of_all
 from .posterior import CHAINS, Progress, sample
 from .problem import Optimum, pose_views
+from .settle import fit_with_shifts
 from .structure import LEAST_P, structure_p
+from .tempering import by_noise_alone
 from .views import View
 
 
@@ -66,13 +68,15 @@ def infer_views(
     views = on_one_scale(model, views)
     scenes = [view.scene for view in views]
     shifts = shifts_of_all(scenes, fixed)
-    optimum, total = fit_with_shifts(pose_views(model, views), shifts)
-    blocks = by_block(optimum, *(blocks_of(view.scene, view.cells) for view in views))
-    stretch = stretch_of(optimum, blocks) if discrepancy else np.eye(len(optimum.joint))
+    where = [blocks_of(view.scene, view.cells) for view in views]
+    optimum, total = fit_with_shifts(pose_views(model, views), shifts, where if discrepancy else ())
+    stretch = stretch_of(optimum, by_block(optimum, *where)) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
-    chi2_reduced, residual = misfit(optimum)
-    estimates = estimates_of(optimum, draws)
-    elpd = elpd_blocks(optimum, blocks)
+    by_noise = by_noise_alone(optimum)
+    blocks = by_block(by_noise, *where)
+    chi2_reduced, residual = misfit(by_noise)
+    estimates = estimates_of(optimum, draws, statistical_sds(by_noise))
+    elpd = elpd_blocks(by_noise, blocks)
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}
     seen = [shifted(scene, shifts, total, v) for v, scene in enumerate(scenes)]
     names = {p.name for p in model.parameters}
@@ -86,14 +90,15 @@ def infer_views(
         status=optimum.status,
         flags=flags_of(optimum, estimates, draws, (chi2_reduced, residual))
         + ((Flag.CALIBRATION_DOUBTED,) if doubted(optimum, shifts, total) else ())
-        + ((Flag.STRUCTURED_RESIDUALS,) if structure_p(optimum) < LEAST_P else ())
+        + ((Flag.STRUCTURED_RESIDUALS,) if structure_p(by_noise) < LEAST_P else ())
         + ((Flag.SCHLICK_MISLEADS,) if schlick_misleads(optimum, estimates) else ()),
         shape={name: float(at_mode[name]) for name in names},
         colours=colours,
         chi2_reduced=chi2_reduced,
         elpd=float(elpd.sum()),
         elpd_blocks=elpd,
-        bic=bic_of(optimum, blocks),
+        bic=bic_of(by_noise, blocks),
+        tempering=optimum.problem.tempering,
         parameters=estimates,
         diagnostics=draws.diagnostics,
         draws=_by_chain(posterior_draws(optimum, draws)),

@@ -1,8 +1,7 @@
 """Calibration that is known only so well: where the light stands, where the sphere lies.
 
-Each shift is small, so around the optimum the radiance is linear in it: the shifts become columns with a Gaussian
-prior from how they were calibrated, are solved for with the colours, and the scene moves by what was found until it
-stands (Gauss-Newton). Their marginalisation is then in closed form.
+Each is a small shift with a Gaussian prior from how it was calibrated; `settle` finds them with the fit, and since the
+radiance is linear in them around the optimum their marginalisation is in closed form.
 """
 
 from __future__ import annotations
@@ -17,22 +16,12 @@ from scipy.linalg import block_diag
 from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
 from .cells import direction_sd_rad
-from .fit import fit, minima
-from .model import columns, lit_by
-from .normal import inverse, weigh
-from .problem import Optimum, Problem, chi2_at, pose_views
-from .views import View
+from .problem import Optimum
 
 SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
-RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
-ROUNDS = 20
-SETTLED_SD = 0.1  # posterior sds of the last move: its own error is of second order in it
-SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
 DOUBTED_SDS = 4.0  # of its prior, by which a shift says that the calibration was wrong
-MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
-SETTLED_PRIOR_SD = 0.02  # or prior sds, where a wrong model makes the posterior absurdly narrow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,97 +187,3 @@ def tangents(direction: Floats) -> tuple[Floats, Floats]:
     across = np.cross(helper, direction)
     across /= np.linalg.norm(across)
     return across, np.cross(direction, across)
-
-
-def fit_with_shifts(problem: Problem, shifts: Shifts) -> tuple[Optimum, Floats]:
-    """The optimum with the shifts free; also the shifts at which the scene came to stand.
-
-    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed; where the calibration
-    then moved by much, the shape is searched once more.
-    """
-    nowhere = np.zeros(len(shifts.names))
-    if not shifts.names:
-        return fit(problem), nowhere
-    starts = minima(problem)
-    best, total = _best([_follow(problem, optimum, shifts, nowhere) for optimum in starts])
-    if starts[0].chi2 - best.chi2 < MISLED:
-        return best, total
-    moved = _moved(problem, shifts, total)
-    return _best([(best, total), *(_follow(problem, optimum, shifts, total) for optimum in minima(moved))])
-
-
-def _moved(problem: Problem, shifts: Shifts, total: Floats) -> Problem:
-    """The problem in the shifted scenes, without columns for further shifts."""
-    return pose_views(problem.model, _views(problem, shifts, total), fresnel=problem.fresnel)
-
-
-def _views(problem: Problem, shifts: Shifts, total: Floats) -> list[View]:
-    return [view.moved(shifted(view.scene, shifts, total, v)) for v, view in enumerate(problem.views)]
-
-
-def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
-    return min(found, key=lambda pair: pair[0].chi2)
-
-
-def _follow(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> tuple[Optimum, Floats]:
-    """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened."""
-    for _ in range(ROUNDS):
-        linear = _linearised(problem, optimum, shifts, total)
-        optimum = fit(linear, start=optimum)
-        moved = optimum.x[len(linear.layout.names) :]
-        sd = np.sqrt(np.diag(inverse(optimum.joint))[len(linear.layout.names) : linear.layout.size])
-        if np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)):
-            return optimum, total + moved
-        total = total + _share(problem, optimum, shifts, total, moved) * moved
-    return replace(optimum, status=f"calibration not settled after {ROUNDS} rounds"), total
-
-
-def _linearised(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> Problem:
-    """The problem with the scenes shifted by `total` and further small shifts as columns."""
-    return pose_views(
-        problem.model,
-        _views(problem, shifts, total),
-        fresnel=optimum.problem.fresnel,
-        extras=sensitivity(optimum, problem.views, shifts, total),
-        extras_precision=shifts.precision,
-        extras_centre=-total,
-    )
-
-
-def _share(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats, moved: Floats) -> float:
-    """How much of a move to make: all, unless the picture, not linearised, would be worse there than before."""
-    weights, problem = weigh(optimum.weights.weights, problem.extras), replace(problem, fresnel=optimum.problem.fresnel)
-    prior = shifts.precision
-
-    def chi2(values: Floats) -> float:
-        return chi2_at(_moved(problem, shifts, values), optimum.u, weights) + float(values @ prior @ values)
-
-    here = chi2(total)
-    return next((share for share in SHARES if chi2(total + share * moved) < here), SHARES[-1])
-
-
-def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: Floats) -> tuple[Floats, ...]:
-    """Per channel, the change of the predicted radiance with each shift (n, q), by differences.
-
-    `views` are the photographs as told, `total` the shifts at which the change is asked for.
-    """
-    found: list[Floats] = []
-    steps = np.diag(RELATIVE_STEP * shifts.sd)
-    for v, view in enumerate(views):
-        here = _predicted(optimum, view, shifts, total, v)
-        slopes = [np.zeros((len(values), len(steps))) for values in here]
-        for j in np.flatnonzero(shifts.photograph == v):
-            there = _predicted(optimum, view, shifts, total + steps[j], v)
-            for slope, after, before in zip(slopes, there, here, strict=True):
-                slope[:, j] = (after - before) / steps[j, j]
-        found += slopes
-    return tuple(found)
-
-
-def _predicted(optimum: Optimum, view: View, shifts: Shifts, values: Floats, photograph: int) -> list[Floats]:
-    """What an optimum predicts of one photograph's three channels with the shifts at these values."""
-    problem = optimum.problem
-    lights = lit_by(shifted(view.scene, shifts, values, photograph), *view.cells.nodes())
-    cols = columns(problem.model, problem.fresnel, lights, view.cells, optimum.u)
-    index = problem.layout.index[3 * photograph : 3 * photograph + 3]
-    return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, index, strict=True)]

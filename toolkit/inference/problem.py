@@ -30,6 +30,7 @@ class Problem:
     layout: Layout
     prior: Prior
     extras: tuple[Floats, ...]  # per channel (n, q): shared columns such as calibration shifts
+    tempering: float = 1.0  # how many times less than by their noise the data weigh
 
     @property
     def channels(self) -> tuple[ChannelCells, ...]:
@@ -98,10 +99,12 @@ def pose_views(
     extras: tuple[Floats, ...] | None = None,
     extras_precision: Floats | None = None,
     extras_centre: Floats | None = None,
+    tempering: float = 1.0,
 ) -> Problem:
     """Set up the fit of several photographs of one material.
 
-    `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter.
+    `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter;
+    `tempering` how many times less than by their noise the data weigh.
     """
     fresnel = fresnel or fresnel_of(model, [view.scene for view in views])
     extras = extras or tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
@@ -113,13 +116,18 @@ def pose_views(
         layout=layout,
         prior=prior_of(layout, views, extras_precision, extras_centre),
         extras=extras,
+        tempering=tempering,
     )
 
 
 def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
-    """One over the variance of each cell's mean at the predicted radiance; none where a clipped one is reached."""
+    """One over the variance of each cell's mean at the predicted radiance, tempered; none where a clipped one is
+    reached.
+    """
     weights = tuple(
-        np.where(data.censored & (signal >= data.value), 0.0, data.count / noise.variance(signal, c))
+        np.where(
+            data.censored & (signal >= data.value), 0.0, data.count / (problem.tempering * noise.variance(signal, c))
+        )
         for (noise, c, data), signal in zip(
             ((view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)),
             predicted,

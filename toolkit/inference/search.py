@@ -22,7 +22,9 @@ SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 
 def search(problem: Problem) -> list[Optimum]:
     """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
-    few = pose_views(problem.model, [_thinned(view) for view in problem.views], fresnel=problem.fresnel)
+    few = pose_views(
+        problem.model, [_thinned(view) for view in problem.views], fresnel=problem.fresnel, tempering=problem.tempering
+    )
     weights = _provisional(few)
     if not problem.model.parameters:
         return [refine(few, np.zeros(0), weights)]

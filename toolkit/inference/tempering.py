@@ -1,0 +1,64 @@
+"""A model that is not exactly right must not be fitted as if it were: the data weigh less by what it gets wrong.
+
+With a misfit of 3 % and noise of 0.1 % everything that could take up a little of the misfit is bent to do so, far
+beyond what is known of it: the sphere by twenty sds of its outline, the light, the black level. So the data's weight is
+divided by how much further the blocks of the surface pull the answer apart than noise would (tempered, as likelihoods
+of dependent data are: Pauli, Racugno & Ventura 2011). Priors and calibrations then keep their say, and where the noise
+explains what is left, nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import by_block
+from .descend import misfit_root
+from .normal import inverse, weigh
+from .problem import Optimum
+
+STANDS = 1.2  # a factor by which the tempering may still change
+
+
+def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
+    """How many times less than by their noise the data should weigh: at least 1, and that without `blocks`.
+
+    Those, one a photograph, (N,) are the block of every cell. Were the noise all, the blocks' scores would spread by
+    their information: tr(C S) = tr(C I) with the posterior's covariance C.
+    """
+    tempering = optimum.problem.tempering
+    if not blocks:
+        return 1.0
+    cells = sum(int(np.count_nonzero(w)) for w in optimum.weights.weights)
+    if tempering == 1.0 and misfit_root(optimum.chi2, cells) == 0.0:
+        return 1.0
+    found, covariance = by_block(optimum, *blocks), inverse(optimum.joint)
+    scores = found.centred()
+    spread = float(np.sum((scores @ covariance) * scores))
+    return max(tempering * spread / float(np.sum(covariance * found.information.sum(axis=0))), 1.0)
+
+
+def stands(tempering: float, before: float) -> bool:
+    """Whether a tempering is as good as the one before it."""
+    return bool(max(tempering, before) <= STANDS * min(tempering, before))
+
+
+def by_noise_alone(optimum: Optimum) -> Optimum:
+    """The same place with the data's full weight: what the noise alone would make of the fit."""
+    tempering, problem = optimum.problem.tempering, replace(optimum.problem, tempering=1.0)
+    if tempering == 1.0:
+        return optimum
+    weights = weigh(tuple(w * tempering for w in optimum.weights.weights), problem.extras)
+    normal = problem.assemble(problem.columns(optimum.u, derivatives=True), weights, optimum.x)
+    return replace(optimum, problem=problem, weights=weights, joint=normal.matrix, chi2=normal.squares)
+
+
+def chi2_tempered(optimum: Optimum, tempering: float) -> float:
+    """Chi-square of an optimum, the prior's part among it, had its data this weight."""
+    prior = optimum.problem.prior
+    towards = optimum.x - prior.centre
+    known = float(towards @ prior.precision @ towards)
+    return known + (optimum.chi2 - known) * optimum.problem.tempering / tempering
