@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from skimage.metrics import normalized_root_mse, peak_signal_noise_ratio
 
 from tests import realdata
@@ -158,6 +159,19 @@ def test_the_body_colour_is_off_by_what_it_says(sigma: float) -> None:
         found = layers_of(noisy(picture, SD, seed), picture, SD)
         ratios.append(np.radians(degrees_between(found.body_colour, true)) ** 2 / np.trace(found.body_covariance))
     assert np.sqrt(np.mean(ratios)) < 2
+
+
+def test_the_body_colours_stated_error_is_neither_too_small_nor_too_large() -> None:
+    """Twelve photographs of different gloss, noise and hue: z^2 averages 1 as chi-squared allows for twelve."""
+    z2 = []
+    for sigma in (0.1, 0.2, 0.3):
+        for sd in (0.003, SD):
+            for body in (HUE, HUE[::-1]):
+                picture = ball(sigma, body=body)
+                found = layers_of(noisy(picture, sd, len(z2)), picture, sd)
+                z2.append(np.radians(degrees_between(found.body_colour, body)) ** 2 / np.trace(found.body_covariance))
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], 12) / 12
+    assert low < np.mean(z2) < high
 
 
 def test_an_uncertain_light_makes_uncertain_layers() -> None:

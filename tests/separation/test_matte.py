@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from toolkit.separation.matte import CENTRES, DENSITY, SLOPE, STEP, Edge, lower_edge
 
@@ -40,11 +41,20 @@ def test_the_minimum_and_least_squares_would_fail() -> None:
     assert abs(lower_edge(*cloud(0.5, 1e-2, 0)).slope - TRUE) < 0.005
 
 
-def test_the_stated_sd_is_the_scatter() -> None:
-    """Over 40 sets of samples z^2 averages at most 2, and the sd, which allows for a tail, is not beyond five times."""
-    found = fits(0.6, 5e-3, range(40))
-    z2 = np.mean([((fit.slope - TRUE) / fit.sd) ** 2 for fit in found])
-    assert 1 / 25 < z2 < 2
+def band(count: int, significance: float = 1e-3) -> tuple[float, float]:
+    """Where the mean of `count` squares of standard normals lies, but for one chance in a thousand."""
+    low, high = chi2.ppf([significance / 2, 1 - significance / 2], count) / count
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize(("share", "noise"), [(0.9, 1e-2), (0.6, 5e-3), (0.3, 1e-3)])
+def test_the_stated_sd_is_the_scatter(share: float, noise: float) -> None:
+    """Over 40 sets of samples z^2 averages 1 as chi-squared allows; an sd half as large or twice would be seen."""
+    z2 = np.mean([((fit.slope - TRUE) / fit.sd) ** 2 for fit in fits(share, noise, range(40))])
+    low, high = band(40)
+    assert low < z2 < high
+    assert not low < z2 / 4 < high
+    assert not low < z2 * 4 < high
 
 
 def test_without_noise_the_edge_is_exact() -> None:

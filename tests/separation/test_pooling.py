@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from skimage.metrics import normalized_root_mse
 
 from tests.separation.balls import ball, clip, layers_of, noisy
@@ -30,11 +31,30 @@ def test_pooling_reaches_42_db(sigma: float) -> None:
     assert pooled.method == "dichromatic, pooled"
 
 
-def test_the_pooled_variance_covers() -> None:
-    """Mean z^2 is between 0.35 and 1.5 for both coefficients: windows chosen by the data have a bias, and it counts."""
+def test_the_pooled_variance_is_the_error() -> None:
+    """The body's mean z^2 is 1 as chi-squared allows for as many cases as there are windows' worth of pixels.
+
+    Variances a third off would be seen. The light's coefficient is stated to caution, by a factor of 2 at most.
+    """
     picture = ball(0.2)
-    found = pool(layers_of(noisy(picture, SD), picture, SD))
-    assert all(0.35 < z2 < 1.5 for z2 in mean_square_z(found, picture))
+    single = layers_of(noisy(picture, SD), picture, SD)
+    found = pool(single)
+    on = picture.on_sphere
+    windows = float(np.sum(found.covariance[on][:, 0] / single.covariance[on][:, 0]))
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], windows) / windows
+    of_body, of_light = mean_square_z(found, picture)
+    assert low < of_body < high
+    assert not low < of_body * 4 / 3 < high
+    assert not low < of_body * 3 / 4 < high
+    assert 0.5 < of_light < high
+
+
+@pytest.mark.parametrize("sd", [0.003, 0.03])
+def test_the_pooled_variance_follows_the_noise(sd: float) -> None:
+    """At a third of that noise and at three times, the body's mean z^2 stays within 1/2 and 3/2."""
+    picture = ball(0.2)
+    found = pool(layers_of(noisy(picture, sd), picture, sd))
+    assert 0.5 < mean_square_z(found, picture)[0] < 1.5
 
 
 def test_an_edge_in_the_albedo_stays_sharp() -> None:

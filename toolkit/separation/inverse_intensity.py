@@ -3,7 +3,8 @@
 Tan, Nishino & Ikeuchi 2004, "Color constancy through inverse-intensity chromaticity space", JOSA A 21. With
 chromaticity sigma_c = x_c / sum x, highlight pixels of one body brightness lie on a line sigma_c = p / sum x + Gamma_c
 whose intercept is the light's chromaticity. Each pixel votes for all (Gamma, p) on its line (their Hough transform,
-section 4); here p = x_c - Gamma sum x, and the Gamma whose votes meet most often, counted in pairs, is taken.
+section 4); here p = x_c - Gamma sum x, and the Gamma whose votes meet most often, counted in pairs, is taken. Least
+squares over the pixels on its line tell it more finely than the bins of the votes.
 The shading under the highlight spreads the lines; the quarters of the highlight, each asked alone, tell by how much.
 """
 
@@ -22,6 +23,7 @@ CORE = 0.1  # of the strongest highlight
 FEWEST = 40  # blocks of highlight
 ACROSS = 2.0  # width of a bin of p, in sd of the noise
 LEAST_BIN = 0.005  # of the brightest block: without noise the shading still spreads p
+REFITS = 3
 WORST_DEG = 20.0
 SHARED = 2.0  # the quarters share the shading's pull: on rendered spheres the error is twice what their spread tells
 
@@ -43,10 +45,9 @@ def by_inverse_intensity(ready: Samples) -> Illuminant | None:
         return None
     off = np.array([part - whole for part in parts if part is not None])
     off_plane = _off_plane(colour, variance, plane) ** 2 / 2 * (np.eye(3) - np.outer(whole, whole))
-    step = np.eye(3) * (STEP / np.linalg.norm(whole / whole.sum())) ** 2 / 3
     found = Illuminant(
         colour=whole,
-        covariance=SHARED**2 * off.T @ off / len(off) + step + off_plane,
+        covariance=SHARED**2 * off.T @ off / len(off) + off_plane,
         source="inverse-intensity",
         reason="inverse-intensity chromaticity of the highlight",
     )
@@ -95,4 +96,19 @@ def _most_meetings(one: Floats, total: Floats, variance: Floats) -> float:
     around = slice(max(best - 3, 0), best + 4)
     weight = pairs[around] - 0.5 * pairs[best]
     weight = np.maximum(weight, 0.0)
-    return float(tried[around] @ weight / weight.sum())
+    return _along_the_line(one, total, float(tried[around] @ weight / weight.sum()), width)
+
+
+def _along_the_line(one: Floats, total: Floats, chromaticity: float, width: float) -> float:
+    """The votes say which blocks lie on the line; what its intercept is, least squares over those tell better."""
+    for _ in range(REFITS):
+        p = one - chromaticity * total
+        votes = np.floor((p - p.min()) / width).astype(np.intp)
+        most = p.min() + (int(np.argmax(np.bincount(votes))) + 0.5) * width
+        on = np.abs(p - float(np.median(p[np.abs(p - most) <= width]))) <= width
+        away = total[on] - total[on].mean()
+        spread = float(away @ away)
+        if spread == 0:
+            break
+        chromaticity += float(away @ p[on]) / spread
+    return float(np.clip(chromaticity, 0.0, 1.0))

@@ -10,13 +10,15 @@ width, with weights by expectation-maximisation (Stephens 2017, "False discovery
 Biostatistics 18, eq. 2.4). The slope solves the score equation of that mixture f: sum psi(z) m / sd = 0, psi = -f'/f
 (Tweedie's formula: psi is the noise that z is expected to hold), which for m with noise of its own is unbiased once
 its share is taken off. psi falls to 0 in the highlight: the fit is one-sided by itself. Coarse noise first, the
-real one last, so that clean and noisy pictures take the same path.
+real one last, so that clean and noisy pictures take the same path. The coarse noise is added as its average, counts
+and psi convolved with it, so that every level is a proper fit to noisier samples, and how the slope moves from one to
+the next tells how far the tail pulls it (as in simulation extrapolation: Cook & Stefanski 1994, JASA 89).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,11 +28,12 @@ from toolkit.records import Floats
 
 LOW, HIGH, STEP = -8.0, 24.0, 0.125  # the window of z = (t - slope m) / sd that the mixture describes
 WIDTHS = (1.5, 3.0, 6.0, 24.0)  # of the half-uniforms, in sd; a narrower one passes for a shifted point mass
-PREFERENCE = 0.005  # for the point mass, as a share of the samples: where nothing decides, a pixel is matte
+PREFERENCE = 0.01  # for the point mass, as a share of the samples: where nothing decides, a pixel is matte
 STRAY = 0.001  # of the samples belong to no component: dust, a foreign pixel
 FIRST_NOISE = 0.02  # of the largest m: the noise that the first and coarsest level pretends
 FINER = 0.25  # from level to level
-FALL = 0.8  # power of the noise with which the tail's pull falls; on rendered spheres 0.7 to 0.9
+FALL = 0.75  # power of the noise with which the tail's pull falls; on rendered spheres 0.65 to 0.9
+APART = 1.3  # ratio of two levels' noise that tells a fall
 FINEST = 1e-12  # of the largest m: rounding
 FEWEST = 5  # samples on the line, below which a level says nothing
 
@@ -112,6 +115,16 @@ class _Level:
     scatter: float = 0.0
 
 
+def _blur(sd: float) -> Callable[[Floats], Floats]:
+    """What a function (bins,) of z becomes on average under added noise of `sd`."""
+    if sd < STEP / 2:
+        return lambda values: values
+    reach = int(4 * sd / STEP)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * (STEP / sd)) ** 2)
+    kernel /= kernel.sum()
+    return lambda values: np.convolve(values, kernel, mode="same")
+
+
 def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) -> Edge:
     """Fit t = slope m + s, s >= 0, to samples (N,), m > 0, with their noise (N,) each, all in the same units."""
     top = float(np.quantile(m, 0.98))
@@ -137,11 +150,11 @@ def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) 
 
 
 def _pull(history: Sequence[tuple[float, float]]) -> float:
-    """How far the highlight's tail still pulls the slope, from how it fell with the noise (noise, slope) so far."""
+    """How far the highlight's tail still pulls the slope up, from how it fell with the noise (noise, slope) so far."""
     for noise, slope in reversed(history[:-1]):
         ratio = min(noise / history[-1][0], 16.0)
-        if ratio > 1.5:
-            return float((slope - history[-1][1]) / (ratio**FALL - 1))
+        if ratio > APART:
+            return max(float((slope - history[-1][1]) / (ratio**FALL - 1)), 0.0)  # a tail never pulls down
     return 0.0
 
 
@@ -168,19 +181,21 @@ def _settle(cloud: _Cloud, level: _Level, pretend: float, rounds: int = 30) -> _
     slope, share, information = level.slope, level.share, 0.0
     for _ in range(rounds):
         sd = np.sqrt(cloud.variance(slope, pretend))
+        blur = _blur(pretend / float(np.median(sd)))
         z = (cloud.t - slope * cloud.m) / sd
         if np.count_nonzero(np.abs(z) < 3) < max(STRAY * len(z), FEWEST):
             return None
         near = (z > LOW) & (z < HIGH)
         z, sd = z[near], sd[near]
         counts = np.bincount(((z - LOW) * (1 / STEP)).astype(np.intp), minlength=len(CENTRES))
-        share = weights(counts.astype(float), np.maximum(share, 1e-4))
-        psi = np.interp(z, CENTRES, score(share))
-        each = float(np.sum(share @ DENSITY * score(share) ** 2) * STEP)  # information of one sample, in 1 / sd^2
+        share = weights(blur(counts.astype(float)), np.maximum(share, 1e-4))
+        noise = score(share)
+        psi, square = (np.interp(z, CENTRES, blur(each)) for each in (noise, noise**2))
+        each = float(np.sum(share @ DENSITY * noise**2) * STEP)  # information of one sample, in 1 / sd^2
         own = (cloud.cov[near] - slope * cloud.var_m[near]) / sd  # the noise of m that goes with one sd of z
-        pull = (cloud.m[near] - own * psi) / sd
-        information = each * float(pull @ pull)
-        step = float(pull @ psi) / max(information, 1e-300)
+        m = cloud.m[near]
+        information = each * float(np.sum(((m - own * psi) / sd) ** 2))
+        step = float(np.sum((m * psi - own * square) / sd)) / max(information, 1e-300)
         slope += step
         if step * step * information < 1e-4:
             break

@@ -10,19 +10,21 @@ Neither noise nor edges are guessed: both follow from the covariance of each pix
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from toolkit.records import ColourLayers, Floats
+from toolkit.records import ColourLayers, Floats, readonly
 
-from .local import Local, local_quadratic
+from .local import local_quadratic
 from .projection import colour_share
 from .samples import Mask, unit_of
 
 RADII = (1, 2, 3, 5, 8, 12)  # px
 WIDTH = 2.0  # half the interval, in sd: narrower keeps edges, wider removes more noise
 LEAST = 1e-14  # variance, of the brightest pixel squared: float32 holds no more
-BIASED = 3.0  # on variances: the largest window not contradicted has a bias of its own, 1.4 sd on rendered spheres
+ORDER = 4.0  # power of the window with which a local quadratic's bias grows
 
 
 def pool(layers: ColourLayers) -> ColourLayers:
@@ -44,11 +46,28 @@ def pool(layers: ColourLayers) -> ColourLayers:
         method=f"{layers.method}, pooled",
         diffuse=_layer(smooth_a.value * unit, body, off),
         specular=_layer(smooth_s.value * unit, light, off),
-        covariance=np.where(off[..., None], np.nan, (BIASED * pooled + systematic) * unit**2).astype(np.float32),
+        covariance=np.where(off[..., None], np.nan, (pooled + systematic) * unit**2).astype(np.float32),
     )
 
 
-def _both(a: Floats, s: Floats, covariance: Floats) -> tuple[Local, Local, Floats]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pooled:
+    """Values (h, w) with the variance of their noise and the mean square of their bias."""
+
+    value: Floats
+    noise: Floats
+    bias: Floats
+
+    def __post_init__(self) -> None:
+        readonly(self)
+
+    @property
+    def variance(self) -> Floats:
+        """Mean square of the whole error."""
+        return self.noise + self.bias
+
+
+def _both(a: Floats, s: Floats, covariance: Floats) -> tuple[Pooled, Pooled, Floats]:
     """Pooled coefficients, and how the light's follows the body's (h, w)."""
     var_a, shared, var_s = np.moveaxis(covariance, -1, 0)
     var_a = var_a + LEAST  # a variance of 0 is one that float32 could not hold
@@ -57,7 +76,12 @@ def _both(a: Floats, s: Floats, covariance: Floats) -> tuple[Local, Local, Float
     slope = np.where(known, shared, 0.0) / np.where(known, var_a, 1.0)
     given = s + slope * np.where(known, smooth_a.value - a, 0.0)  # the light's coefficient once the body's is known
     of_given = np.where(known, var_s - slope * np.where(known, shared, 0.0), np.inf) + LEAST
-    return smooth_a, adaptive(given, of_given + slope**2 * np.nan_to_num(smooth_a.variance)), slope
+    smooth_s = adaptive(given, of_given)
+    with np.errstate(invalid="ignore"):
+        finer_a, finer_s = smooth_a.noise / var_a, smooth_s.noise / of_given
+        left = finer_s / (finer_a + finer_s)
+    more = smooth_s.bias + left * slope**2 * smooth_a.noise  # smooth over a's window already, so over both
+    return smooth_a, Pooled(value=smooth_s.value, noise=smooth_s.noise, bias=more), slope
 
 
 def _layer(coefficient: Floats, colour: Floats, off: Mask) -> Floats:
@@ -82,7 +106,7 @@ def _noise_alone(whole: Floats, systematic: Floats) -> Floats:
     return np.where(sound[..., None], rest, 0.01 * whole)
 
 
-def adaptive(values: Floats, variance: Floats) -> Local:
+def adaptive(values: Floats, variance: Floats) -> Pooled:
     """Each pixel's value (h, w) from the largest window that its own data do not contradict."""
     known = np.isfinite(values) & np.isfinite(variance) & (variance > 0)
     best, spread = np.where(known, values, np.nan), np.where(known, variance, np.nan)
@@ -91,6 +115,7 @@ def adaptive(values: Floats, variance: Floats) -> Local:
     going = np.ones(values.shape, bool)
     precision = np.where(known, 1 / np.where(known, variance, 1.0), 0.0)
     filled = np.where(known, values, 0.0)
+    excess, chosen = np.zeros(values.shape), np.zeros(values.shape, np.intp)
     for radius in RADII:
         local = local_quadratic(filled, precision, radius)
         half = WIDTH * np.sqrt(local.variance)
@@ -99,5 +124,21 @@ def adaptive(values: Floats, variance: Floats) -> Local:
         fits = going & better & (new_low <= new_high)
         going &= fits | ~better
         low, high = np.where(fits, new_low, low), np.where(fits, new_high, high)
+        excess = np.where(fits, ((local.value - best) ** 2 - (spread - local.variance)) / local.variance, excess)
+        chosen = np.where(fits, radius, chosen)
         best, spread = np.where(fits, local.value, best), np.where(fits, local.variance, spread)
-    return Local(value=best, variance=spread)
+    return Pooled(value=best, noise=spread, bias=spread * _bias(chosen, np.nan_to_num(excess)))
+
+
+def _bias(chosen: NDArray[np.intp], excess: Floats) -> Floats:
+    """Square of the bias over the noise's variance (h, w), by the window chosen.
+
+    Windows of one model are nested, so the larger one's fit moves from the smaller one's by the difference of their
+    variances, and by that of their biases. A local quadratic's bias grows with the fourth power of the window.
+    """
+    most = np.zeros(max(RADII) + 1)
+    for smaller, radius in zip((0, *RADII), RADII, strict=False):
+        there = chosen == radius
+        if there.any():
+            most[radius] = max(float(excess[there].mean()), 0.0) / (1 - (smaller / radius) ** ORDER) ** 2
+    return np.asarray(most[chosen])
