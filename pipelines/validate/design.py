@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pipelines.settings import DEFAULT_SPHERE_SD_PX
-from toolkit.inference.cells import DIRECTION_SD_DEG
+from toolkit.inference.gather import DIRECTION_SD_DEG
 from toolkit.reflectance import LOBES
 
 Preset = Literal["quick", "standard", "full"]

@@ -79,7 +79,7 @@ def shoot_setup(trial: Trial, tables: Mapping[str, Any]) -> Shot:
 
 def with_default_errors(scene: Scene) -> Scene:
     """The scene with the errors that a fit would assume of lights whose file states none."""
-    from toolkit.inference.cells import DIRECTION_SD_DEG
+    from toolkit.inference.gather import DIRECTION_SD_DEG
 
     stated = tuple(
         light if light.direction_sd_deg is not None else light.model_copy(update={"direction_sd_deg": DIRECTION_SD_DEG})  # type: ignore[attr-defined]  # every kind of the scene file has it

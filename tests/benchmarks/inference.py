@@ -17,9 +17,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from toolkit.inference import cells
-from toolkit.inference.cells import gather
+from toolkit.inference import gather as gathering_module
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.normal import inverse, solve
@@ -137,7 +137,7 @@ def bias() -> Iterator[Row]:
     for roughness_rad in (0.1, 0.02):
         image, scene = photograph_of(noise=quiet, alpha=roughness_rad * 2**0.5), scene_of()
         coarse = pose(Model.named("beckmann"), scene, gather_for(image, scene), NOISE)
-        with patch.object(cells, "SMOOTH_RAD", 1e-6):
+        with patch.object(gathering_module, "SMOOTH_RAD", 1e-6):
             every = pose(Model.named("beckmann"), scene, gather_for(image, scene), NOISE)
         found, all_of_them = fit(without_pedestal(coarse)), fit(without_pedestal(every))
         apart = np.abs(numbers(found) - numbers(all_of_them)) / sds_of(all_of_them)

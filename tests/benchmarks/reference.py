@@ -18,9 +18,10 @@ from synthetic.materials import material
 from synthetic.render import render
 from synthetic.scenes import direction
 from tests.inference.ball import photograph
+from tests.inference.every import covered
 from toolkit.geometry.lights import DirectionalLight
-from toolkit.inference.cells import Cells, gather
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
 from toolkit.inference.model import Lit, Model, lit_by
 from toolkit.inference.problem import Optimum, Problem, pose
 from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
@@ -106,18 +107,6 @@ def pixels(image: LinearImage, scene: Scene, optimum: Optimum) -> Pixels:
     found = Pixels(lit=lit, values=values, weights=np.ones_like(values), x_px=x.astype(float), y_px=y.astype(float))
     signal = found.model(numbers(optimum))
     return replace(found, weights=1.0 / np.stack([NOISE.variance(signal[c], c) for c in range(3)]))
-
-
-def covered(cells: Cells, shape: tuple[int, ...]) -> np.ndarray:
-    """Which pixels are in a cell."""
-    held = np.zeros(shape, bool)
-    sides = np.sqrt(cells.channels[0].count).round().astype(int)
-    for side in np.unique(sides):
-        mine = sides == side
-        left, top = (np.round(v[mine] - (side - 1) / 2).astype(int) for v in (cells.x_px, cells.y_px))
-        step = np.arange(side)
-        held[(top[:, None] + step)[:, :, None], (left[:, None] + step)[:, None, :]] = True
-    return held
 
 
 def seconds(action: Callable[[], object], repeats: int = 5) -> float:

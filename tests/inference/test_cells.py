@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from toolkit.flags import SampleFlag
-from toolkit.inference import cells as module
-from toolkit.inference.cells import Cells, gather
+from toolkit.inference import gather as module
+from toolkit.inference.cells import Cells
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
+from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model, lit_by
 from toolkit.inference.normal import inverse
 from toolkit.inference.problem import Optimum, pose
@@ -18,6 +20,7 @@ from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES
 
 from .ball import NOISE, photograph, radiance_of
+from .every import every_sample
 
 
 @pytest.mark.parametrize("mosaic", [False, True])
@@ -30,12 +33,12 @@ def test_each_usable_sample_is_in_one_cell(mosaic: bool) -> None:
     inside = (lit.n_dot_v > module.MIN_N_DOT_V) & (lit.n_dot_l > module.MIN_N_DOT_L)
     share = [1 / 4, 1 / 2, 1 / 4] if mosaic else [1, 1, 1]
     for data, part in zip(cells.channels, share, strict=True):
-        assert data.count.sum() == pytest.approx(part * inside.sum(), rel=0.02)
+        assert data.count[: data.cells].sum() == pytest.approx(part * inside.sum(), rel=0.02)
 
 
 @pytest.mark.parametrize("mosaic", [False, True])
-def test_the_nodes_predict_the_mean_of_the_samples(mosaic: bool) -> None:
-    """A rendered lobe, averaged over pixels and cells, agrees with the weighted mean over each cell's nodes."""
+def test_the_nodes_predict_mean_and_slopes_of_the_samples(mosaic: bool) -> None:
+    """A rendered lobe, averaged over pixels and cells, agrees with what each cell's nodes tell of it."""
     radiance, scene = radiance_of(400, roughness_rad=0.08)
     clean = replace(NOISE, gain=np.full(3, 1e-12), read=np.full(3, 1e-9))
     cells = gather(photograph(radiance, seed=0, noise=clean, mosaic=mosaic), scene)
@@ -44,9 +47,10 @@ def test_the_nodes_predict_the_mean_of_the_samples(mosaic: bool) -> None:
     diffuse = LOBES["lambert"].value(lit.cosines, ())
     for channel, albedo in enumerate((0.45, 0.2, 0.08)):
         data = cells.channels[channel]
-        nodes = lit.colour[channel] * (albedo * diffuse + specular)[:, data.rows]
-        predicted = np.einsum("kn,kn->n", data.weights, nodes)
-        assert np.allclose(predicted, data.value, rtol=0, atol=2e-5 * radiance.max())
+        predicted = data.predicted(lit.colour[channel] * (albedo * diffuse + specular))
+        error = np.abs(predicted - data.value)[data.count > 0] / radiance.max()
+        assert error[: data.cells].max() < 1e-5
+        assert error[data.cells :].max() < 4e-5
 
 
 def test_flagged_samples_take_no_part() -> None:
@@ -56,8 +60,8 @@ def test_flagged_samples_take_no_part() -> None:
     spoiled = _spoil(image)
     clean, holed = gather(image, scene), gather(spoiled, scene)
     for c in range(3):
-        assert holed.channels[c].count.sum() < clean.channels[c].count.sum()
-        assert holed.channels[c].value.max() < 10.0
+        assert _samples(holed, c) < _samples(clean, c)
+        assert np.abs(holed.channels[c].value).max() < 10.0
 
 
 def test_unflagged_spoiling_would_show() -> None:
@@ -67,23 +71,26 @@ def test_unflagged_spoiling_would_show() -> None:
         replace(plane, flags=np.zeros_like(plane.flags)) for plane in _spoil(photograph(radiance, seed=0)).planes
     )
     cells = gather(replace(photograph(radiance, seed=0), planes=planes), scene)
-    assert max(data.value.max() for data in cells.channels) > 10.0
+    assert max(data.means.max() for data in cells.channels) > 10.0
 
 
 @pytest.mark.parametrize("roughness", [0.02, 0.1])
-def test_cells_cost_less_than_a_thirtieth_of_an_sd(roughness: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A fit to cells and a fit to every single sample differ by less than 0.03 posterior sd in roughness."""
+def test_cells_cost_less_than_a_thirtieth_of_an_sd(roughness: float) -> None:
+    """A fit to cells and a fit to every single one of their samples differ by less than 0.03 posterior sd.
+
+    The control: the means of the same cells without their slopes lose more than that.
+    """
     radiance, scene = radiance_of(256, roughness_rad=roughness)
     image = photograph(radiance, seed=3, mosaic=False)
-    coarse = _fit(image, scene, gather(image, scene))
-    monkeypatch.setattr(module, "SMOOTH_RAD", 1e-6)
-    every = _fit(image, scene, gather(image, scene))
-    assert every.problem.channels[0].count.max() == 1
-    sd = float(np.sqrt(inverse(every.joint)[-1, -1]))
-    # what varied inside the cells is lost, so the two estimates differ by chance as well: by no more than that
-    lost = float(np.sqrt(max(inverse(coarse.joint)[-1, -1] - sd**2, 0.0)))
-    assert abs(coarse.u[0] - every.u[0]) < 0.03 * sd + 3 * lost
-    assert lost < 0.2 * sd
+    cells = gather_for(image, scene)
+    every = _fit(image, scene, every_sample(image, cells))
+    sd = np.sqrt(np.diag(inverse(every.joint)))
+    assert _apart(_fit(image, scene, cells), every, sd) < 0.03
+    assert _apart(_fit(image, scene, cells.thinned(1)), every, sd) > 0.06
+
+
+def _apart(one: Optimum, other: Optimum, sd: np.ndarray) -> float:
+    return float(np.max(np.abs(np.append(one.x - other.x, one.u - other.u)) / sd))
 
 
 def test_a_clipped_highlight_is_told_from_below() -> None:
@@ -99,6 +106,11 @@ def test_a_clipped_highlight_is_told_from_below() -> None:
     assert abs(_strength_z(bounded)) < 4
     naive = _clipped(image, white, honest=False)
     assert abs(_strength_z(_fit(naive, scene, gather(naive, scene)))) > 10
+
+
+def _samples(cells: Cells, channel: int) -> float:
+    data = cells.channels[channel]
+    return float(data.count[: data.cells].sum())
 
 
 def _clipped(image: LinearImage, white: float, *, honest: bool) -> LinearImage:

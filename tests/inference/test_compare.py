@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from toolkit.inference.blocks import blocks_of, by_block
+from toolkit.inference.cells import ChannelCells
 from toolkit.inference.compare import elpd_blocks, rank
 from toolkit.inference.fit import fit
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.problem import pose
+from toolkit.inference.weights import weights_of
 
 from .ball import NOISE, photograph, radiance_of
 
@@ -62,10 +65,15 @@ def test_leaving_a_block_out_is_what_a_new_fit_without_it_predicts() -> None:
     blocks = blocks_of(scene, cells)
     quick = elpd_blocks(optimum, by_block(optimum, blocks))
     for block in np.unique(blocks)[[1, -2]]:
-        kept = replace(cells, channels=tuple(d.picked(m := blocks[d.rows] != block, d.rows[m]) for d in cells.channels))
+        kept = replace(cells, channels=tuple(_only(d, blocks != block) for d in cells.channels))
         without = fit(pose(Model.named("torrance-sparrow"), scene, kept, NOISE), start=None)
-        held = replace(cells, channels=tuple(d.picked(m := blocks[d.rows] == block, d.rows[m]) for d in cells.channels))
+        held = replace(cells, channels=tuple(_only(d, blocks == block) for d in cells.channels))
         assert quick[block] == pytest.approx(_density(without, held), abs=0.3)
+
+
+def _only(data: ChannelCells, there: np.ndarray) -> ChannelCells:
+    rows = data.rows[: data.cells]
+    return data.only(there[rows], rows[there[rows]])
 
 
 def _density(optimum: object, held: object) -> float:
@@ -84,10 +92,12 @@ def _density(optimum: object, held: object) -> float:
         jacobian = np.zeros((len(predicted), len(optimum.joint)))
         jacobian[:, index] = col.matrix
         jacobian[:, -1] = col.d_matrix[0] @ optimum.x[index] + col.d_offset[0]
-        rows.append(jacobian)
-        residuals.append(data.value - predicted)
-        variances.append(NOISE.variance(predicted, c) / data.count)
-    jacobian, residual, variance = np.vstack(rows), np.concatenate(residuals), np.concatenate(variances)
-    covariance = np.diag(variance) + jacobian @ inverse(optimum.joint) @ jacobian.T
+        weights = weights_of(data, NOISE, c, predicted)
+        counted = weights.each > 0
+        rows.append(jacobian[counted])
+        residuals.append((data.value - predicted)[counted])
+        variances.append(np.linalg.inv(weights.times(np.eye(len(predicted)))[np.ix_(counted, counted)]))
+    jacobian, residual = np.vstack(rows), np.concatenate(residuals)
+    covariance = scipy.linalg.block_diag(*variances) + jacobian @ inverse(optimum.joint) @ jacobian.T
     _, log_determinant = np.linalg.slogdet(2 * np.pi * covariance)
     return float(-0.5 * residual @ np.linalg.solve(covariance, residual) - 0.5 * log_determinant)

@@ -12,14 +12,15 @@ import scipy.optimize
 from pipelines.validate.design import hypercube
 from pipelines.validate.trial import run_trial
 from toolkit.geometry.lights import DirectionalLight
-from toolkit.inference.cells import gather
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.inference.normal import Prior, bounded, inverse
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.inference.settle import fit_with_shifts
+from toolkit.inference.weights import Weights
 from toolkit.records import Fit, Scene
 
 from .ball import BODY, F0, NOISE, photograph, radiance_of
@@ -40,7 +41,7 @@ def test_agrees_with_a_plain_least_squares_over_every_number() -> None:
     def residual(p: np.ndarray) -> np.ndarray:
         predicted = problem.predict(problem.columns(p[:1]), p[1:])
         parts = [
-            np.sqrt(w) * (data.value - r)
+            _white(w, data.value - r)
             for w, data, r in zip(optimum.weights.weights, problem.channels, predicted, strict=True)
         ]
         return np.concatenate([*parts, root * p[1:]])
@@ -50,6 +51,15 @@ def test_agrees_with_a_plain_least_squares_over_every_number() -> None:
     sd = np.sqrt(np.diag(inverse(optimum.joint)))
     assert abs(plain.x[0] - optimum.u[0]) < 0.02 * sd[-1]
     assert np.all(np.abs(plain.x[1:] - optimum.x) < 0.02 * sd[:-1])
+
+
+def _white(weights: Weights, residual: np.ndarray) -> np.ndarray:
+    """Residuals made independent and of unit variance, as the weights' own docstring has it."""
+    mean, x, y = residual.reshape(3, -1)
+    slopes = x - weights.lean[0] * mean, y - weights.lean[1] * mean
+    white = np.sqrt(weights.each) * np.concatenate([mean, *slopes])
+    assert white @ white == pytest.approx(residual @ weights.times(residual))
+    return white
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from toolkit.inference.cells import gather
 from toolkit.inference.diagnostics import split_r_hat
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose

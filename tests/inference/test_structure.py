@@ -14,8 +14,8 @@ from pipelines.locate import locate
 from pipelines.validate.broken import as_asked
 from pipelines.validate.design import Trial, stressed
 from pipelines.validate.shot import shoot, write
-from toolkit.inference.cells import gather
 from toolkit.inference.fit import fit
+from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import doubted, shifts_of

@@ -67,15 +67,15 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
         jacobian = np.column_stack([cols[c].matrix, problem.extras[c], *slopes])
         index = np.concatenate([problem.layout.index[c], np.arange(len(problem.layout.names), size)])
         residual = data.value - predicted[c]
-        counted = np.flatnonzero(w)
+        misfit = w.times(residual)
+        weighted, counted = w.times(jacobian.T), np.flatnonzero(w.each)
         photograph = c // 3
         mine_in = blocks[photograph][data.rows[counted]]
         order = counted[np.argsort(mine_in, kind="stable")]
         edges = np.searchsorted(np.sort(mine_in), np.arange(COUNT + 1))
         for b in range(COUNT):
             rows, there = order[edges[b] : edges[b + 1]], COUNT * photograph + b
-            weighted = jacobian[rows].T * w[rows]
-            information[there][np.ix_(index, index)] += weighted @ jacobian[rows]
-            score[there][index] += weighted @ residual[rows]
-            density[there] += 0.5 * np.sum(np.log(w[rows] / (2 * np.pi))) - 0.5 * w[rows] @ residual[rows] ** 2
+            information[there][np.ix_(index, index)] += weighted[:, rows] @ jacobian[rows]
+            score[there][index] += weighted[:, rows] @ residual[rows]
+            density[there] += 0.5 * np.sum(np.log(w.each[rows] / (2 * np.pi))) - 0.5 * misfit[rows] @ residual[rows]
     return Blocks(information=information, score=score, density=density)

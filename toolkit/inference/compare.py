@@ -38,12 +38,12 @@ def _without(joint: Floats, information: Floats, score: Floats, plain: float) ->
 
 
 def bic_of(optimum: Optimum, blocks: Blocks) -> float:
-    """Schwarz's criterion (1978): -2 log likelihood + unknowns x log of the cells that count.
+    """Schwarz's criterion (1978): -2 log likelihood + unknowns x log of the data that count.
 
-    Beside the predictive density, not instead of it: it takes every cell for independent and every model for one that
+    Beside the predictive density, not instead of it: it takes all data for independent and every model for one that
     could be exactly right.
     """
-    counted = sum(int(np.count_nonzero(w)) for w in optimum.weights.weights)
+    counted = sum(w.counted for w in optimum.weights.weights)
     return float(len(optimum.joint) * np.log(max(counted, 1)) - 2.0 * blocks.density.sum())
 
 

@@ -40,7 +40,7 @@ def expected_view(
     seen = exposed(max(float(p.max(initial=0.0)) for p in _predicted(model, View.of(scene, cells, noise), truth)))
     view = View.of(seen, cells, noise)
     channels = [
-        replace(data, value=np.minimum(values, white), censored=values >= white)
+        replace(data, value=np.minimum(values, white), censored=values[: data.cells] >= white)
         for data, values in zip(cells.channels, _predicted(model, view, truth), strict=True)
     ]
     filled = replace(cells, channels=(channels[0], channels[1], channels[2]))

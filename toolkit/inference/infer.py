@@ -10,10 +10,11 @@ from toolkit.flags import Flag
 from toolkit.records import Fit, Floats, LinearImage, Scene
 
 from .blocks import blocks_of, by_block
-from .cells import Cells, gather
+from .cells import Cells
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
 from .estimates import estimates_of, flags_of, named_draws, posterior_draws, schlick_misleads, statistical_sds
+from .gather import gather
 from .joint import on_one_scale
 from .model import Model
 from .normal import inverse
@@ -121,10 +122,10 @@ def misfit(optimum: Optimum) -> tuple[float, float]:
     chi2, square, signal, cells = 0.0, 0.0, 0.0, 0
     for w, data, p in zip(optimum.weights.weights, problem.channels, predicted, strict=True):
         residual = data.value - p
-        chi2 += float(w @ residual**2)
-        square += float((data.count * (w > 0)) @ residual**2)
-        signal += float((data.count * (w > 0)) @ p**2)
-        cells += int(np.count_nonzero(w))
+        chi2 += float(w.times(residual) @ residual)
+        square += float((data.count * (w.each > 0)) @ residual**2)
+        signal += float((data.count * (w.each > 0)) @ p**2)
+        cells += w.counted
     return chi2 / max(cells - len(optimum.joint), 1), (square / max(signal, 1e-300)) ** 0.5
 
 

@@ -187,7 +187,7 @@ def names_of(model: Model, fresnel: Fresnel) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Columns:
-    """One channel's columns on its cells: what a prediction is a sum of.
+    """One channel's columns on its data: what a prediction is a sum of.
 
     `table` (..., 1 + D, 1 + k, n) holds the part with a known coefficient and the k columns, at a shape and then their
     derivatives in each of the D shape numbers, in the searched coordinate; leading axes where several shapes are
@@ -227,7 +227,7 @@ def columns(
     derivatives: bool = False,
     evaluate: Evaluate | None = None,
 ) -> tuple[Columns, Columns, Columns]:
-    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (4, N).
+    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (S, 4, N).
 
     `evaluate`, where given, remembers lobes: see `remembering`.
     """
@@ -257,13 +257,13 @@ def columns_of_many(
 ) -> tuple[Columns, Columns, Columns]:
     """The columns of all three channels at several shapes (S, D) at once."""
     numbers = (np.exp(v) if p.log else v for v, p in zip(u.T, model.parameters, strict=True))
-    shape = tuple(v[:, None, None] for v in numbers)
+    shape = tuple(v[:, None, None, None] for v in numbers)
     sharp, soft = shape[: len(model.specular.parameters)], shape[len(model.specular.parameters) :]
     blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
     return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
 
 
-_Term = tuple[Floats | None, float]  # a table over the nodes (..., 4, N), or None for zeros, and a factor
+_Term = tuple[Floats | None, float]  # a table over the nodes (..., S, 4, N), or None for zeros, and a factor
 
 
 def _values(
@@ -316,11 +316,11 @@ def _times(table: Floats | None, factor: Floats | float, scale: float) -> _Term:
 def _channels(
     blocks: list[list[list[_Term]]], colours: list[Floats], cells: Cells, batch: tuple[int, ...]
 ) -> tuple[Columns, Columns, Columns]:
-    """Each term's mean over the cells' nodes, summed over the lights; channels that share their cells share the means.
+    """Each term's part in the data, summed over the lights; channels that share their cells and nodes share it.
 
     `blocks` hold for each light, then for the shape and each of its numbers, the terms at the nodes.
     """
-    shared: dict[tuple[int, int], list[Floats]] = {}
+    shared: dict[tuple[int, int, bool], list[Floats]] = {}
     found = []
     for c, data in enumerate(cells.channels):
         if data.sharing not in shared:
@@ -329,19 +329,19 @@ def _channels(
         table = mine[0] * colours[0][c]
         for more, colour in zip(mine[1:], colours[1:], strict=True):
             table += more * colour[c]
-        table[..., 0, -1, :] = 1.0  # the pedestal; its derivatives are 0
+        table[..., 0, -1, : data.cells] = 1.0  # the pedestal; its slopes and derivatives are 0
         found.append(Columns(table=table))
     return found[0], found[1], found[2]
 
 
 def _means(blocks: list[list[_Term]], data: ChannelCells, batch: tuple[int, ...]) -> Floats:
-    """One light's terms averaged over the nodes of a channel's cells: (..., 1 + D, 1 + k, n), the pedestal's left 0."""
+    """One light's terms as the nodes give them for a channel's data: (..., 1 + D, 1 + k, n), the pedestal's left 0."""
     table = np.zeros((*batch, len(blocks), len(blocks[0]) + 1, len(data.rows)))
     for b, terms in enumerate(blocks):
         means: dict[int, Floats] = {}
         for i, (nodes, scale) in enumerate(terms):
             if nodes is not None:
                 if id(nodes) not in means:
-                    means[id(nodes)] = data.mean(nodes)
+                    means[id(nodes)] = data.predicted(nodes)
                 np.multiply(means[id(nodes)], scale, out=table[..., b, i, :])
     return table

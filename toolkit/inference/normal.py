@@ -15,6 +15,7 @@ from toolkit.records import Floats, readonly
 
 from .cells import ChannelCells
 from .model import Columns
+from .weights import Weights
 
 SHARED = frozenset({"specular_scale"})  # one number for all channels, whatever the specular colour
 
@@ -91,14 +92,14 @@ class Normal:
 class Weighing:
     """Weights of the cells per channel, with all that follows from them and the extra columns alone."""
 
-    weights: tuple[Floats, ...]  # (n,) each, one over the variance of a cell's mean
+    weights: tuple[Weights, ...]
     weighted: tuple[Floats, ...]  # (q, n) each, the extra columns times the weights
     gram: tuple[Floats, ...]  # (q, q) each
 
 
-def weigh(weights: tuple[Floats, ...], extras: tuple[Floats, ...]) -> Weighing:
+def weigh(weights: tuple[Weights, ...], extras: tuple[Floats, ...]) -> Weighing:
     """Weights of a problem with these extra columns, (n, q) per channel."""
-    weighted = tuple(np.ascontiguousarray(e.T * w) for e, w in zip(extras, weights, strict=True))
+    weighted = tuple(w.times(e.T) for e, w in zip(extras, weights, strict=True))
     return Weighing(
         weights=weights, weighted=weighted, gram=tuple(a @ e for a, e in zip(weighted, extras, strict=True))
     )
@@ -122,8 +123,8 @@ def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], we
     """One pass over the cells of each channel."""
     found = []
     for c, (cols, data, w) in enumerate(zip(columns, channels, weighing.weights, strict=True)):
-        table = cols.table.reshape(*cols.table.shape[:-3], -1, len(w))
-        weighted, extra, value_w = table * w, weighing.weighted[c], data.value * w
+        table = cols.table.reshape(*cols.table.shape[:-3], -1, len(data.rows))
+        weighted, extra, value_w = w.times(table), weighing.weighted[c], w.times(data.value)
         found.append(
             Sums(
                 products=weighted @ np.swapaxes(table, -1, -2),

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
-from .cells import direction_sd_rad
+from .gather import direction_sd_rad
 from .problem import Optimum
 
 SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known

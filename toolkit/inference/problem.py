@@ -16,6 +16,7 @@ from .model import Columns, Evaluate, Fresnel, Model, columns, fresnel_of, names
 from .normal import Layout, Normal, Prior, Sums, Weighing, bounded, combine, lay_out, sums_of, weigh
 from .priors import prior_of
 from .views import View
+from .weights import weights_of
 
 Evaluated = tuple[Columns, ...]
 
@@ -64,7 +65,7 @@ class Problem:
         return normal
 
     def predict(self, cols: tuple[Columns, ...], x: Floats) -> tuple[Floats, ...]:
-        """Radiance per channel on the cells."""
+        """What is predicted of each channel's data."""
         named = len(self.layout.names)
         return tuple(
             np.asarray(col.matrix @ x[index] + col.offset + extra @ x[named:])
@@ -121,18 +122,11 @@ def pose_views(
 
 
 def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
-    """One over the variance of each cell's mean at the predicted radiance, tempered; none where a clipped one is
-    reached.
-    """
+    """The tempered weights of each channel's data, predicted as (m,); none where a clipped cell is reached."""
+    channels = [(view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)]
     weights = tuple(
-        np.where(
-            data.censored & (signal >= data.value), 0.0, data.count / (problem.tempering * noise.variance(signal, c))
-        )
-        for (noise, c, data), signal in zip(
-            ((view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)),
-            predicted,
-            strict=True,
-        )
+        weights_of(data, noise, c, here).scaled(1.0 / problem.tempering)
+        for (noise, c, data), here in zip(channels, predicted, strict=True)
     )
     return weigh(weights, problem.extras)
 

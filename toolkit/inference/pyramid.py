@@ -18,6 +18,16 @@ Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Centroid:
+    """Mean place of a channel's samples about the centre of their pixel or quad, and their places' spread about it."""
+
+    x_px: float
+    y_px: float
+    variance_px2: float  # along x, and as much along y
+    product_px2: float  # mean of x y
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
     """Per channel the mean value of each pixel or quad, filled up to whole blocks; and which are flagged, if any is."""
@@ -27,23 +37,27 @@ class Grid:
     clipped: Mask | None  # (3, H, W), of the bad ones those that are so only by being clipped
     size: tuple[int, int]  # height and width without what was filled up
     samples: tuple[int, int, int]  # of each channel in one pixel or quad
-    first: tuple[Floats, Floats, Floats]  # per channel, mean place x, y about the centre, and mean of x y
+    centroids: tuple[Centroid, Centroid, Centroid]  # of each channel's samples in a pixel or quad
     origin_px: tuple[float, float]
     step_px: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Level:
-    """Blocks of `side` pixels or quads on a side: their sums (3, h, w), and whether any of theirs is flagged."""
+    """Blocks of `side` pixels or quads on a side: their sums per channel, and whether any of theirs is flagged."""
 
     side: int
-    sums: NDArray[np.float32]
+    sums: NDArray[np.float32]  # (3, 3, h, w): of the samples, of x times them, of y times them; single ones' own only
     bad: Mask | None
     size: tuple[int, int]  # of the photograph, in pixels or quads
 
-    def means(self, row: Rows, column: Rows) -> Floats:
-        """Mean of some blocks per channel (3, n)."""
-        return np.asarray(self.sums[:, row, column] / np.float32(self.side**2))
+    def told(self, row: Rows, column: Rows) -> Floats:
+        """Of some blocks (3, 3, n): each channel's mean, and the slopes of its best plane along x and y, in steps."""
+        sums = self.sums[:, :, row, column]
+        result = np.zeros((3, 3, len(row)))
+        result[: len(sums)] = sums / np.float32(self.side**2)
+        result[1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
+        return np.swapaxes(result, 0, 1)
 
     def spoiled(self, row: Rows, column: Rows) -> Mask:
         """Whether blocks hold anything flagged or reach over the edge, per channel (3, n)."""
@@ -58,12 +72,11 @@ def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
     corner = np.min([plane.origin_px for plane in planes], axis=0)
     step = planes[0].step_px
     centre = corner + (step - 1) / 2
-    samples, first = [], []
+    samples, centroids = [], []
     for c in range(3):
         mine = [plane for plane in planes if plane.channel == c]
-        x, y = (np.array([plane.origin_px for plane in mine]) - centre).T
         samples.append(len(mine))
-        first.append(np.array([x.mean(), y.mean(), (x * y).mean()]))
+        centroids.append(_centroid(*(np.array([plane.origin_px for plane in mine]) - centre).T))
     bad, clipped = _flags(planes, height, width, 2**levels)
     return Grid(
         value=_values(planes, height, width, 2**levels),
@@ -71,9 +84,18 @@ def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
         clipped=clipped,
         size=(height, width),
         samples=(samples[0], samples[1], samples[2]),
-        first=(first[0], first[1], first[2]),
+        centroids=(centroids[0], centroids[1], centroids[2]),
         origin_px=(float(centre[0]), float(centre[1])),
         step_px=step,
+    )
+
+
+def _centroid(x: Floats, y: Floats) -> Centroid:
+    return Centroid(
+        x_px=float(x.mean()),
+        y_px=float(y.mean()),
+        variance_px2=float(0.5 * (x.var() + y.var())),
+        product_px2=float((x * y).mean() - x.mean() * y.mean()),
     )
 
 
@@ -107,14 +129,25 @@ def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tu
 
 
 def pyramid(grid: Grid, levels: int) -> list[Level]:
-    """Sums of 1, 2 x 2, 4 x 4 ... up to 2^levels."""
-    found = [Level(side=1, sums=grid.value, bad=grid.bad, size=grid.size)]
+    """Sums and first moments of 1, 2 x 2, 4 x 4 ... up to 2^levels."""
+    found = [Level(side=1, sums=grid.value[None], bad=grid.bad, size=grid.size)]
     for level in range(1, levels + 1):
-        total, bad = found[-1].sums, found[-1].bad
-        total = total[:, ::2] + total[:, 1::2]
-        total = total[..., ::2] + total[..., 1::2]
+        bad = found[-1].bad
         if bad is not None:
             bad = bad[:, ::2] | bad[:, 1::2]
             bad = bad[..., ::2] | bad[..., 1::2]
-        found.append(Level(side=2**level, sums=total, bad=bad, size=grid.size))
+        found.append(Level(side=2**level, sums=_paired(found[-1]), bad=bad, size=grid.size))
     return found
+
+
+def _paired(level: Level) -> NDArray[np.float32]:
+    """Sums and first moments of blocks twice as wide: the parts' own, and their places times their sums."""
+    sums, reach = level.sums, np.float32(level.side / 2)
+    columns = sums[..., ::2, :] + sums[..., 1::2, :]
+    down = sums[0, :, 1::2] - sums[0, :, ::2]
+    left, right = columns[..., ::2], columns[..., 1::2]
+    result = np.zeros((3, *left.shape[1:]), np.float32)
+    np.add(left, right, out=result[: len(sums)])
+    result[1] += reach * (right[0] - left[0])
+    result[2] += reach * (down[..., ::2] + down[..., 1::2])
+    return result

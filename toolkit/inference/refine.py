@@ -60,9 +60,9 @@ def _alike(weights: Weighing, optimum: Optimum) -> bool:
     """
     change, cells = 0.0, 0
     for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
-        counted = old > 0.0
-        if np.any((new > 0.0) != counted):
+        counted = old.each > 0.0
+        if np.any((new.each > 0.0) != counted):
             return False
-        change += float(np.sum((new[counted] / old[counted] - 1.0) ** 2))
+        change += float(np.sum((new.each[counted] / old.each[counted] - 1.0) ** 2) + np.sum((new.lean - old.lean) ** 2))
         cells += int(np.count_nonzero(counted))
     return float(np.sqrt(change / max(cells, 1))) * (1.0 + misfit_root(optimum.chi2, cells)) <= STANDS_SD

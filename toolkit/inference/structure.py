@@ -18,10 +18,11 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .cells import Cells
+from .cells import Cells, ChannelCells
 from .model import Columns, lit_by
 from .problem import Optimum
 from .views import View
+from .weights import Weights
 
 LEAST_P = 1e-3  # below it the residuals are not taken for noise
 DEGREE = 5  # of the smooth patterns
@@ -45,11 +46,11 @@ def structure_chances(optimum: Optimum) -> tuple[float, float]:
     for view in problem.views:
         smooth, waves = _patterns(view)
         both = np.hstack([smooth, waves])
-        plain += [smooth[data.rows] for data in view.cells.channels]
-        whole += [both[data.rows] for data in view.cells.channels]
+        plain += [_on_means(data, smooth) for data in view.cells.channels]
+        whole += [_on_means(data, both) for data in view.cells.channels]
     left = [
-        _Left(residual=data.value - p, weight=weight, design=_design(optimum, columns[c], c))
-        for c, (data, p, weight) in enumerate(zip(problem.channels, predicted, optimum.weights.weights, strict=True))
+        _Left(residual=data.value - p, weights=weights, design=_design(optimum, columns[c], c))
+        for c, (data, p, weights) in enumerate(zip(problem.channels, predicted, optimum.weights.weights, strict=True))
     ]
     alike = [w * p[:, None] for w, p in zip(whole, predicted, strict=True)]
     return _chance(left, plain, optimum.joint, channels=1), _chance(left, alike, optimum.joint, channels=3)
@@ -60,7 +61,7 @@ class _Left:
     """What the fit leaves of one channel (n,), with the derivatives (n, P) of its prediction in all unknowns."""
 
     residual: Floats
-    weight: Floats
+    weights: Weights
     design: Floats
 
 
@@ -72,7 +73,7 @@ def _chance(left: Sequence[_Left], patterns: Sequence[Floats], joint: Floats, *,
     score, kept, across = np.zeros(ends[-1]), np.zeros((ends[-1], ends[-1])), np.zeros((len(joint), ends[-1]))
     for c, (channel, pattern) in enumerate(zip(left, patterns, strict=True)):
         mine = slice(ends[c // channels], ends[c // channels + 1])
-        here = pattern * channel.weight[:, None]
+        here = channel.weights.times(pattern.T).T
         score[mine] += here.T @ channel.residual
         kept[mine, mine] += here.T @ pattern
         across[:, mine] += channel.design.T @ here
@@ -99,6 +100,13 @@ def _patterns(view: View) -> tuple[Floats, Floats]:
         rings += mine
         waves += [ring * wave for ring in mine for wave in turning]
     return np.stack([*smooth, *rings], axis=1), np.stack(waves, axis=1)
+
+
+def _on_means(data: ChannelCells, patterns: Floats) -> Floats:
+    """Patterns over the cells as they show in one channel's means; what its slopes hold is not asked for."""
+    found = np.zeros((len(data.rows), patterns.shape[1]))
+    found[: data.cells] = patterns[data.rows[: data.cells]]
+    return found
 
 
 def _rings(theta: Floats) -> list[Floats]:

@@ -32,7 +32,7 @@ def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
     tempering = optimum.problem.tempering
     if not blocks:
         return 1.0
-    cells = sum(int(np.count_nonzero(w)) for w in optimum.weights.weights)
+    cells = sum(w.counted for w in optimum.weights.weights)
     if tempering == 1.0 and misfit_root(optimum.chi2, cells) == 0.0:
         return 1.0
     found, covariance = by_block(optimum, *blocks), inverse(optimum.joint)
@@ -51,7 +51,7 @@ def by_noise_alone(optimum: Optimum) -> Optimum:
     tempering, problem = optimum.problem.tempering, replace(optimum.problem, tempering=1.0)
     if tempering == 1.0:
         return optimum
-    weights = weigh(tuple(w * tempering for w in optimum.weights.weights), problem.extras)
+    weights = weigh(tuple(w.scaled(tempering) for w in optimum.weights.weights), problem.extras)
     normal = problem.assemble(problem.columns(optimum.u, derivatives=True), weights, optimum.x)
     return replace(optimum, problem=problem, weights=weights, joint=normal.matrix, chi2=normal.squares)
 

@@ -33,7 +33,7 @@ class View:
 
 def signal_scale(cells: Cells) -> float:
     """The photograph's own radiance scale: 99th percentile of the cells of its brightest channel."""
-    return max(float(np.percentile(data.value, 99)) if len(data.value) else 0.0 for data in cells.channels)
+    return max(float(np.percentile(data.means, 99)) if data.cells else 0.0 for data in cells.channels)
 
 
 def irradiance_scale(scene: Scene) -> float:
