@@ -129,12 +129,12 @@ def _quadrature_error(surrogate: Surrogate, chain: Floats) -> float:
 
 
 def _moves(dimensions: int) -> list[tuple[Any, float]]:
-    """Differential evolution and stretches; in several dimensions, where these mix slowly, a kernel density's draws."""
+    """Differential evolution and stretches; in several dimensions, where these mix slowly, a kernel density's, too."""
     import emcee
 
     if dimensions == 1:
         return [(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)]
-    return [(emcee.moves.KDEMove(), 0.6), (emcee.moves.DEMove(), 0.4)]
+    return [(emcee.moves.KDEMove(), 0.5), (emcee.moves.DEMove(), 0.3), (emcee.moves.StretchMove(), 0.2)]
 
 
 def _groups(chain: Floats) -> Floats:
