@@ -1,9 +1,10 @@
 """The reference problem for speed: Lambert and a Beckmann lobe on some 187,000 pixels of three channels, seven numbers.
 
 A 512 x 512 orthographic sphere under one light 30 degrees off the axis, with shot and read noise. The rivals see the
-pixels that our cells hold, no others, their geometry worked out for them, and are given for nothing the weights that
-an honest fit must find by iteration: one over the variance at the radiance of the converged model. They start near the
-truth. What is timed of ours begins at the pixels: statistics, search and weights included, three pedestals more.
+pixels that our cells hold, no others. Either they do the same job as ours, from the pixels to the optimum: geometry, a
+neutral start, and weights by iteration, one over the variance at the radiance of the model. Or they are given all that
+for nothing: the geometry, the converged model's weights, a start near the truth. What is timed of ours always begins at
+the pixels: statistics, search and weights included, three pedestals more.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from synthetic.scenes import direction
 from tests.inference.ball import photograph
 from tests.inference.every import covered
 from toolkit.geometry.lights import DirectionalLight
+from toolkit.inference.cells import SIDE_X, SIDE_Y, Cells
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.model import Lit, Model, lit_by
+from toolkit.inference.normal import inverse
 from toolkit.inference.problem import Optimum, Problem, pose
 from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
 from toolkit.reflectance import LOBES
@@ -31,6 +34,7 @@ ALPHA, STRENGTH = 0.2, 0.04
 BODY = np.array([0.45, 0.25, 0.12])
 NOISE = Noise(gain=np.full(3, 4e-4), read=np.full(3, 2e-3), source="given")
 TRUTH = np.array([*BODY, *np.full(3, STRENGTH), np.log(ALPHA)])
+NEUTRAL = np.array([*np.full(6, 0.2), np.log(0.3)])
 START = TRUTH * np.array([0.7, 0.8, 1.2, 1.5, 1.5, 1.5, 0.8])
 IRRADIANCE = 3.0
 
@@ -77,21 +81,34 @@ def numbers(optimum: Optimum) -> Floats:
     return np.concatenate([layout.of("diffuse_albedo", optimum.x), layout.of("specular_f0", optimum.x), optimum.u])
 
 
+def sds_of(optimum: Optimum) -> Floats:
+    """Sds of the seven numbers, in the rivals' order."""
+    sd = np.sqrt(np.diag(inverse(optimum.joint)))
+    layout = optimum.problem.layout
+    return np.concatenate([layout.of("diffuse_albedo", sd), layout.of("specular_f0", sd), sd[layout.size :]])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pixels:
-    """What the rivals work on: geometry, radiance (3, N) and weights (3, N)."""
+    """What the rivals work on: geometry (N,), or (4, N) over the pixels' squares, radiance and weights (3, N)."""
 
     lit: Lit
     values: Floats
     weights: Floats
-    x_px: Floats
-    y_px: Floats
 
     def model(self, p: Floats) -> Floats:
         """Radiance (3, N) of seven numbers: three albedos, three F0, log alpha."""
         gloss = LOBES["beckmann"].value(self.lit.cosines, (float(np.exp(p[6])),))
-        f = p[3:6, None] * (1 - self.lit.schlick) + self.lit.schlick
-        return np.asarray(IRRADIANCE * (p[:3, None] * LOBES["lambert"].value(self.lit.cosines, ()) + f * gloss))
+        f = [f0 * (1 - self.lit.schlick) + self.lit.schlick for f0 in p[3:6]]
+        body = LOBES["lambert"].value(self.lit.cosines, ())
+        return np.stack([self._over_pixels(IRRADIANCE * (p[c] * body + f[c] * gloss)) for c in range(3)])
+
+    def _over_pixels(self, values: Floats) -> Floats:
+        return values if values.ndim == 1 else np.asarray(values.mean(axis=0))
+
+    def weighed(self, signal: Floats) -> Pixels:
+        """The same with weights for a radiance (3, N)."""
+        return replace(self, weights=1.0 / np.stack([NOISE.variance(signal[c], c) for c in range(3)]))
 
     def residuals(self) -> Callable[[Floats], Floats]:
         """Of the seven numbers, weighted, flat."""
@@ -99,14 +116,20 @@ class Pixels:
         return lambda p: ((self.model(np.asarray(p)) - self.values) * root).ravel()
 
 
-def pixels(image: LinearImage, scene: Scene, optimum: Optimum) -> Pixels:
-    """Every pixel that the cells hold, weighed by the converged model."""
-    y, x = np.nonzero(covered(optimum.problem.views[0].cells, image.planes[0].values.shape))
-    values = np.stack([plane.values[y, x] for plane in image.planes]).astype(float)
-    lit = lit_by(scene, x.astype(float), y.astype(float))[0]
-    found = Pixels(lit=lit, values=values, weights=np.ones_like(values), x_px=x.astype(float), y_px=y.astype(float))
-    signal = found.model(numbers(optimum))
-    return replace(found, weights=1.0 / np.stack([NOISE.variance(signal[c], c) for c in range(3)]))
+def pixels(image: LinearImage, scene: Scene, cells: Cells, *, square: bool = False) -> Pixels:
+    """Every pixel that the cells hold, at its centre or over its square, weighed by its own noisy value."""
+    row, column = np.nonzero(covered(cells, image.planes[0].values.shape))
+    x, y = column.astype(float), row.astype(float)
+    reach = 12**-0.5 if square else 0.0
+    lit = lit_by(scene, x + SIDE_X * reach, y + SIDE_Y * reach)[0] if square else lit_by(scene, x, y)[0]
+    values = np.stack([plane.values[row, column] for plane in image.planes]).astype(float)
+    return Pixels(lit=lit, values=values, weights=np.ones_like(values)).weighed(np.maximum(values, 0.0))
+
+
+def given(image: LinearImage, scene: Scene, optimum: Optimum, *, square: bool = False) -> Pixels:
+    """The same, weighed by the converged model."""
+    found = pixels(image, scene, optimum.problem.views[0].cells, square=square)
+    return found.weighed(found.model(numbers(optimum)))
 
 
 def seconds(action: Callable[[], object], repeats: int = 5) -> float:

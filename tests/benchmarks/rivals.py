@@ -1,6 +1,7 @@
 """The usual ways to fit the reference problem and to sample its posterior, all over every pixel.
 
-Each sees the pixels of `tests.benchmarks.reference.Pixels` and is given their true weights; fits start near the truth.
+Each sees the pixels of `tests.benchmarks.reference.Pixels`: `same_job` does all that ours does, else the weights and a
+start near the truth are given.
 """
 
 from __future__ import annotations
@@ -9,32 +10,42 @@ from collections.abc import Callable
 
 import numpy as np
 
-from toolkit.records import Floats
+from toolkit.inference.cells import Cells
+from toolkit.records import Floats, LinearImage, Scene
 
-from .reference import IRRADIANCE, START, Pixels
+from .reference import IRRADIANCE, NEUTRAL, START, Pixels, pixels
 
 NAMES = ("red", "green", "blue", "f0_red", "f0_green", "f0_blue", "log_alpha")
 WALKERS = 20
 NUTS_DRAWS = 150  # and as many to warm up
 
 
-def scipy_trf(pixels: Pixels) -> Floats:
+def scipy_trf(pixels: Pixels, start: Floats = START) -> Floats:
     """Scipy's trust-region reflective least squares with its default 2-point differences."""
     from scipy.optimize import least_squares
 
-    return np.asarray(least_squares(pixels.residuals(), START).x)
+    return np.asarray(least_squares(pixels.residuals(), start).x)
 
 
-def lmfit_leastsq(pixels: Pixels) -> Floats:
+def lmfit_leastsq(pixels: Pixels, start: Floats = START) -> Floats:
     """Lmfit's default: Levenberg and Marquardt by MINPACK."""
     import lmfit
 
     parameters = lmfit.Parameters()
-    for name, value in zip(NAMES, START, strict=True):
+    for name, value in zip(NAMES, start, strict=True):
         parameters.add(name, value=value)
     of = pixels.residuals()
     found = lmfit.minimize(lambda p: of(np.array(list(p.valuesdict().values()))), parameters)
     return np.array(list(found.params.valuesdict().values()))
+
+
+def same_job(fitter: Callable[[Pixels, Floats], Floats], image: LinearImage, scene: Scene, cells: Cells) -> Floats:
+    """From pixels to optimum: geometry, a fit with the noisy samples' own weights, then two with the model's."""
+    data = pixels(image, scene, cells)
+    found = fitter(data, NEUTRAL)
+    for _ in range(2):
+        found = fitter(data.weighed(data.model(found)), found)
+    return found
 
 
 def emcee_effective_per_s(pixels: Pixels, optimum: Floats, seconds: Callable[[Callable[[], object]], float]) -> float:

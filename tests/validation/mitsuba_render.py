@@ -106,9 +106,14 @@ def render(ball: Ball, *, samples: int = 256, bsdf: Mapping[str, Any] | None = N
     return np.array(mitsuba.render(scene, seed=1), dtype=float)
 
 
-def _find_llvm() -> None:
+def llvm() -> str | None:
+    """The LLVM that Mitsuba can use, where there is one."""
     given = os.environ.get("DRJIT_LIBLLVM_PATH", "")
-    found = next((path for path in (given, *LLVM) if path and Path(path).exists()), None)
+    return next((path for path in (given, *LLVM) if path and Path(path).exists()), None)
+
+
+def _find_llvm() -> None:
+    found = llvm()
     if found is None:
         pytest.skip("needs LLVM 19 (Debian: libllvm19), or DRJIT_LIBLLVM_PATH")
     os.environ["DRJIT_LIBLLVM_PATH"] = found

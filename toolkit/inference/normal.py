@@ -124,12 +124,13 @@ def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], we
     found = []
     for c, (cols, data, w) in enumerate(zip(columns, channels, weighing.weights, strict=True)):
         table = cols.table.reshape(*cols.table.shape[:-3], -1, len(data.rows))
-        weighted, extra, value_w = w.times(table), weighing.weighted[c], w.times(data.value)
+        apart, extra, value = w.apart(table), weighing.weighted[c], w.apart(data.value)
+        weighted, value_w = apart * w.each, value * w.each
         found.append(
             Sums(
-                products=weighted @ np.swapaxes(table, -1, -2),
-                data=table @ value_w,
-                squares=float(value_w @ data.value),
+                products=weighted @ np.swapaxes(apart, -1, -2),
+                data=apart @ value_w,
+                squares=float(value_w @ value),
                 across=extra @ table.T if len(extra) else np.zeros((0, table.shape[-2])),
                 extra_data=extra @ data.value,
             )

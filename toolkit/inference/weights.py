@@ -35,15 +35,22 @@ class Weights:
         """All of them times a factor."""
         return self if factor == 1.0 else Weights(each=self.each * factor, lean=self.lean)
 
+    def apart(self, rows: Floats) -> Floats:
+        """L times rows of data (..., m): their errors are independent, with `each` for weights."""
+        if not self.lean.size:
+            return rows
+        result, means = rows.copy(), rows[..., None, : self.lean.shape[1]]
+        slopes = result[..., self.lean.shape[1] :].reshape(*rows.shape[:-1], *self.lean.shape)
+        slopes -= self.lean * means
+        return result
+
     def times(self, rows: Floats) -> Floats:
         """The weights, a symmetric matrix, times rows of data (..., m)."""
-        result = rows * self.each
-        n = self.lean.shape[1]
-        for i, lean in enumerate(self.lean):
-            mine = slice((1 + i) * n, (2 + i) * n)
-            shared = lean * self.each[mine]
-            result[..., mine] -= shared * rows[..., :n]
-            result[..., :n] -= lean * result[..., mine]
+        result = self.apart(rows) * self.each
+        if self.lean.size:
+            count = self.lean.shape[1]
+            slopes = result[..., count:].reshape(*rows.shape[:-1], *self.lean.shape)
+            result[..., :count] -= np.einsum("sn,...sn->...n", self.lean, slopes)
         return np.asarray(result)
 
 
