@@ -64,6 +64,18 @@ def test_flagged_samples_take_no_part() -> None:
         assert np.abs(holed.channels[c].value).max() < 10.0
 
 
+def test_a_sample_that_is_no_number_is_refused_unless_flagged() -> None:
+    """One NaN says so where cells are gathered, not as a fit that converges to NaN; flagged it takes no part."""
+    radiance, scene = radiance_of(300)
+    first, *others = photograph(radiance, seed=0, mosaic=False).planes
+    values, flags = first.values.copy(), first.flags.copy()
+    values[150, 150], flags[150, 150] = np.nan, SampleFlag.INVALID
+    image = replace(photograph(radiance, seed=0), planes=(replace(first, values=values, flags=flags), *others))
+    assert np.isfinite(gather(image, scene).channels[0].value).all()
+    with pytest.raises(ValueError, match="NaN"):
+        gather(replace(image, planes=(replace(first, values=values), *others)), scene)
+
+
 def test_unflagged_spoiling_would_show() -> None:
     """The control of the test above: the same samples unflagged do change cells."""
     radiance, scene = radiance_of(300)

@@ -37,7 +37,8 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     """Gather the usable samples of a photograph of `scene` into cells.
 
     `finest_rad` is the smallest angular scale of a lobe that the cells must resolve. Samples that are flagged, in
-    shadow or at the limb take no part; clipped ones are cells of their own, which only say "at least so much".
+    shadow or at the limb take no part; clipped ones are cells of their own, which only say "at least so much". Raises
+    ValueError where a sample that is not flagged is not a number.
     """
     step = image.planes[0].step_px
     levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
@@ -45,10 +46,13 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     row, column = (index.ravel() for index in np.indices([n // 2**levels for n in grid.value.shape[1:]]))
     found, wary = [], _wary(scene)
     for level in reversed(pyramid(grid, levels)):
-        cells, row, column = _cells_of(grid, level, scene, wary, row, column, finest_rad)
-        found.append(cells)
+        here, row, column = _cells_of(grid, level, scene, wary, row, column, finest_rad)
+        found.append(here)
         row, column = (2 * row[:, None] + HALVES_Y).ravel(), (2 * column[:, None] + HALVES_X).ravel()
-    return _cells(grid, *(np.concatenate(part, axis=-1) for part in zip(*found, strict=True)))
+    cells = _cells(grid, *(np.concatenate(part, axis=-1) for part in zip(*found, strict=True)))
+    if not all(np.isfinite(data.value).all() for data in cells.channels):
+        raise ValueError(f"{image.name} has NaN or infinite samples on the sphere; expected them flagged INVALID")
+    return cells
 
 
 _Found = tuple[Floats, Floats, Floats, Floats, Mask, Mask]  # place x, y, side; means and slopes, good, censored
