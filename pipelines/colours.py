@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import on_sphere
-from toolkit.radiometry.quads import Quads
+from toolkit.radiometry.quads import Quads, at_one_place
 from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, ModelLayers, Reference, Scene, Sphere
 
 from .settings import Settings
@@ -44,7 +44,9 @@ def separate_colours(
 
     row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
     (x0, y0), step = picture.origin_px, picture.step_px
-    values = picture.values - np.asarray(fit.colours["pedestal"], np.float32)  # an error of black turns dim colours
+    values = at_one_place(image) - np.asarray(
+        fit.colours["pedestal"], np.float32
+    )  # an error of black turns dim colours
     seen: dict[str, Any] = {
         "variance": image.noise,
         "usable": usable_samples(image),

@@ -31,6 +31,7 @@ WIDTHS = (1.5, 3.0, 6.0, 24.0)  # of the half-uniforms, in sd; a narrower one pa
 PREFERENCE = 0.01  # for the point mass, as a share of the samples: where nothing decides, a pixel is matte
 STRAY = 0.001  # of the samples belong to no component: dust, a foreign pixel
 FIRST_NOISE = 0.02  # of the largest m: the noise that the first and coarsest level pretends
+LOUDER = 2.0  # that noise is at least so many times the real one: with one level only, a tail's pull would not show
 FINER = 0.25  # from level to level
 FALL = 0.75  # power of the noise with which the tail's pull falls; on rendered spheres 0.65 to 0.9
 APART = 1.3  # ratio of two levels' noise that tells a fall
@@ -134,7 +135,7 @@ def lower_edge(t: Floats, m: Floats, var_t: Floats, var_m: Floats, cov: Floats) 
     found = _Level(slope=start, share=np.full(len(DENSITY), 1.0 / len(DENSITY)))
     history: list[tuple[float, float]] = []
     floor = max(0.5 * float(np.sqrt(np.median(cloud.variance(start, 0.0)))), FINEST * top)
-    pretend = FIRST_NOISE * top
+    pretend = max(FIRST_NOISE * top, LOUDER * 2 * floor)
     while pretend >= 0:
         finer = _settle(cloud, _below_cloud(cloud, found, pretend, 0.3 * top), pretend)
         if finer is None:
