@@ -92,7 +92,7 @@ def _walk(
     sampler.reset()
     tau, enough = np.inf, False
     while not enough and sampler.iteration < MOST_STEPS:
-        state = sampler.run_mcmc(state, BLOCK if sampler.iteration else 5 * BLOCK)
+        state = sampler.run_mcmc(state, BLOCK if sampler.iteration else 3 * BLOCK)
         tau = max(autocorrelation_time(sampler.get_chain()[:, ::4]), 1.0)
         wanted = max(LENGTHS * tau, effective * tau / WALKERS)
         enough = sampler.iteration >= wanted
