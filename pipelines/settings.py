@@ -60,7 +60,7 @@ Reflectance = Annotated[tuple[Share, Share, Share], BeforeValidator(_three)]
 Pixels = Annotated[int, Field(ge=16, le=65535)]
 SpecularModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("specular")]
 DiffuseModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("diffuse")]
-Nuisance = Literal["light", "distance", "centre", "radius", "all"]
+Nuisance = Literal["light", "distance", "size", "blur", "centre", "radius", "all"]
 
 
 class Table(BaseModel):
@@ -94,7 +94,7 @@ class NoiseTable(Table):
 
 
 class ImageTable(Table):
-    """How the file is read and which ball in it is meant; all else is for `render`, which writes it."""
+    """How the file is read, which ball in it is meant, the lens; all else is for `render`, which writes it."""
 
     transfer: Literal["srgb"] | None = None  # the curve to undo in 8-bit or encoded files
     pick_px: Pair | None = None  # a place on the ball to detect, where there are several; omitted: the largest
@@ -104,7 +104,7 @@ class ImageTable(Table):
     exposure: Positive | None = None  # image units per radiance; omitted: the highlight at 0.8 of saturation
     background: Colour = (0.0, 0.0, 0.0)  # radiance around the sphere
     pedestal: Colour = (0.0, 0.0, 0.0)  # radiance added everywhere: stray light
-    blur_sd_px: NotNegative = 0.0  # of the lens
+    blur_sd_px: NotNegative = 0.0  # of the lens, in either direction
 
 
 class MaterialTable(Table):
@@ -189,14 +189,17 @@ def model_and_variant(text: str) -> tuple[str, dict[str, str]]:
 
 def camera_of(settings: Settings, *, width_px: int, height_px: int, metadata: Metadata | None = None) -> Camera:
     """The camera, completed from the frame's size and the EXIF; orthographic where no focal length is known."""
-    table = settings.camera or CameraTable()
+    table, blur_px2 = settings.camera or CameraTable(), settings.image.blur_sd_px**2
     focal_px = table.focal_length_px or _exif_focal_length_px(metadata or Metadata(), width_px, height_px)
     if table.projection == "orthographic" or focal_px is None:
         _refuse_perspective_without_focal_length(table)
-        return Camera()
+        return Camera(blur_px2=blur_px2)
     middle = ((width_px - 1) / 2, (height_px - 1) / 2)
     return Camera(
-        projection="perspective", focal_length_px=focal_px, principal_point_px=table.principal_point_px or middle
+        projection="perspective",
+        focal_length_px=focal_px,
+        principal_point_px=table.principal_point_px or middle,
+        blur_px2=blur_px2,
     )
 
 

@@ -11,11 +11,10 @@ from toolkit.geometry.sphere import centre_position, surface
 from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance import fresnel
 from toolkit.reflectance.cosines import Cosines
+from toolkit.reflectance.lobe import LOBES
 
 from .lights import point_lights
 from .materials import Material
-
-KNOWS_DISCS = {"mirror"}  # lobes whose value takes the light's angular radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,7 +48,7 @@ class Shader:
     @cached_property
     def sources(self) -> tuple[Source, ...]:
         """The scene's lights, each extended one as several small ones, or whole where the lobe wants it whole."""
-        if self.material.model not in KNOWS_DISCS:
+        if not LOBES[self.material.model].sees_source:
             return tuple(Source(light=light) for light in self._small(self.highlight_rad))
         whole = (
             Source(light=light, body=False, disc_rad=float(np.radians(light.angular_radius_deg)))

@@ -129,6 +129,7 @@ class Camera:
     projection: Projection = "orthographic"
     focal_length_px: float | None = None
     principal_point_px: tuple[float, float] | None = None
+    blur_px2: float = 0.0  # second moment, along each axis, of what lens and demosaicing spread a point of light over
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from pipelines.report.result import failure_object, finite, result_object, resul
 from pipelines.settings import Settings, SphereTable
 from tests.pipelines import fakes
 from toolkit.geometry.lights import PointLight
-from toolkit.inference.nuisances import ShiftedLight
+from toolkit.inference.moved_light import MovedLight
 from toolkit.records import Camera, MaterialReport
 
 SEPARATION = {
@@ -160,9 +160,7 @@ def test_what_a_report_lacks_is_null_or_empty(report: MaterialReport) -> None:
 def test_a_point_light_carries_its_position_as_given_and_as_fitted(report: MaterialReport) -> None:
     """A fitted light knows its direction and its nearness; the result turns these into a place."""
     lamp = PointLight(position=(0.0, 3.0, 4.0))
-    moved = ShiftedLight(
-        kind="point", direction=(0.0, 0.6, 0.8), nearness=0.25, irradiance=None, angular_radius_deg=0.0
-    )
+    moved = MovedLight(kind="point", direction=(0.0, 0.6, 0.8), nearness=0.25, irradiance=None, angular_radius_deg=0.0)
     fit = replace(report.fits[0], scene=replace(report.fits[0].scene, lights=(moved,)))
     light = result_object(replace(report, scene=replace(report.scene, lights=(lamp,)), fits=(fit,)))["lights"][0]
     assert light["position"] == [0.0, 3.0, 4.0]

@@ -33,6 +33,7 @@ class ChannelCells:
     count: Floats  # (m,), samples that tell as much of it as the cell does
     censored: NDArray[np.bool_]  # (n,), clipped: the radiance is at least the value
     slopes: bool = True
+    narrower: Floats | None = None  # (n,), the spread that slopes are told over in that of the nodes, where blurred
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -65,6 +66,8 @@ class ChannelCells:
             result[..., n : 2 * n] += here[..., 3, :]
             result[..., n : 2 * n] -= here[..., 2, :]
             np.subtract(below, above, out=result[..., 2 * n :])
+            if self.narrower is not None:
+                result[..., n:] *= np.tile(self.narrower, 2)
         result *= 0.25
         return result
 
@@ -79,6 +82,7 @@ class ChannelCells:
             count=self.count[: len(here)][here],
             censored=self.censored[kept],
             slopes=times == 3,
+            narrower=None if self.narrower is None else self.narrower[kept],
         )
 
 
@@ -108,6 +112,21 @@ class Cells:
             self,
             node_x_px=self.node_x_px.mean(axis=0, keepdims=True),
             node_y_px=self.node_y_px.mean(axis=0, keepdims=True),
+            channels=(channels[0], channels[1], channels[2]),
+        )
+
+    def blurred(self, variance_px2: float) -> Cells:
+        """The cells as a camera sees them that spreads each point by so much along each axis."""
+        if variance_px2 <= 0.0:
+            return self
+        x, y = (nodes.mean(axis=1, keepdims=True) for nodes in self.nodes())
+        wider = np.sqrt(1.0 + variance_px2 / (self.node_x_px - x) ** 2)
+        narrower = (1.0 / wider).mean(axis=1)
+        channels = [replace(data, narrower=narrower[data.place, data.rows[: data.cells]]) for data in self.channels]
+        return replace(
+            self,
+            node_x_px=x + wider * (self.node_x_px - x),
+            node_y_px=y + wider * (self.node_y_px - y),
             channels=(channels[0], channels[1], channels[2]),
         )
 

@@ -195,7 +195,8 @@ def flags_of(
         found.append(Flag.NOT_CONVERGED)
     if not draws.long_enough:
         found.append(Flag.CHAIN_TOO_SHORT)
-    if optimum.on_bound.any():
+    layout = optimum.problem.layout
+    if np.delete(optimum.on_bound, np.s_[len(layout.names) : layout.size]).any():  # of the material's own numbers
         found.append(Flag.NEAR_BOUND)
     told = [e for e in estimates if not e.name.startswith("pedestal")]
     wide = [e for e in told if e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED]

@@ -43,8 +43,7 @@ def expected_view(
         replace(data, value=np.minimum(values, white), censored=values[: data.cells] >= white)
         for data, values in zip(cells.channels, _predicted(model, view, truth), strict=True)
     ]
-    filled = replace(cells, channels=(channels[0], channels[1], channels[2]))
-    return replace(view, cells=filled)
+    return View.of(seen, replace(cells, channels=(channels[0], channels[1], channels[2])), noise)
 
 
 def _predicted(model: Model, view: View, truth: Truth) -> tuple[Floats, ...]:

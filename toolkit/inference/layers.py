@@ -45,7 +45,7 @@ def _predict(fit: Fit, x_px: Floats, y_px: Floats) -> tuple[Floats, Floats]:
     body, gloss = LOBES[fit.diffuse], LOBES[fit.model]
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
     diffuse, specular = np.zeros((len(x_px), 3)), np.zeros((len(x_px), 3))
-    for lit in lit_by(fit.scene, x_px, y_px):
+    for lit in lit_by(fit.scene, x_px, y_px, whole=gloss.sees_source):
         irradiance = lit.falloff[:, None] * lit.colour
         diffuse += irradiance * body.value(lit.cosines, numbers[1])[:, None] * fit.colours["diffuse_albedo"]
         value = gloss.value(lit.cosines, numbers[0], fit.variant)[:, None]
@@ -91,6 +91,8 @@ def layers_of(
 
     photograph = np.asarray(picture, np.float32)
     diffuse, specular = image(there.diffuse), image(there.specular)
+    if fit.scene.camera.blur_px2 > 0.0:
+        specular = _blurred(specular, float(np.sqrt(fit.scene.camera.blur_px2)) / step_px)
     model = diffuse + specular + np.asarray(there.pedestal, np.float32)
     return ModelLayers(
         photograph=photograph,
@@ -103,6 +105,14 @@ def layers_of(
         origin_px=origin_px,
         step_px=step_px,
     )
+
+
+def _blurred(layer: Floats, sd: float) -> Floats:
+    """The layer (h, w, 3) through a lens that blurs by `sd` pixels of it; what is off the sphere gives no light."""
+    import cv2
+
+    dark = np.nan_to_num(layer)
+    return np.where(np.isfinite(layer), cv2.GaussianBlur(dark, (0, 0), sd), layer)
 
 
 def _at_places(layer: Floats, places: Floats) -> Floats:

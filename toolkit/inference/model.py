@@ -21,6 +21,7 @@ from toolkit.reflectance.fresnel import dielectric_pair, reflectance
 from toolkit.reflectance.lobe import LOBES, Lobe, Parameter
 
 from .cells import Cells, ChannelCells
+from .moved_light import parts
 
 IDENTIFYING_SPREAD = 0.02  # spread of Schlick's s over the highlights from which F0 and strength come apart
 TYPICAL_F0 = 0.04  # of a dielectric of index 1.5; shapes F(theta_d) where F0 itself is not identified
@@ -77,10 +78,10 @@ class Lit:
     schlick: Floats
 
 
-def lit_by(scene: Scene, x_px: Floats, y_px: Floats) -> tuple[Lit, ...]:
-    """The geometry of every light at pixel coordinates of any shape."""
+def lit_by(scene: Scene, x_px: Floats, y_px: Floats, *, whole: bool = False) -> tuple[Lit, ...]:
+    """The geometry of every light at pixel coordinates of any shape; a sized one in parts, unless `whole`."""
     seen = surface(scene.camera, scene.sphere, x_px, y_px)
-    return tuple(_lit(light, seen) for light in scene.lights)
+    return tuple(_lit(small, seen) for light in scene.lights for small in ((light,) if whole else parts(light)))
 
 
 def _lit(light: Light, seen: Surface) -> Lit:

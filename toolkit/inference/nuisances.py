@@ -16,32 +16,15 @@ from scipy.linalg import block_diag
 from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
 from .gather import direction_sd_rad
+from .moved_light import moved
 from .problem import Optimum
 
 SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
+BLUR = "camera.blur_px2"
+SIZE_SD, BLUR_SD = 0.2, 0.4  # of a light's stated angular radius; of the stated second moment of a blur
 NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 DOUBTED_SDS = 4.0  # of its prior, by which a shift says that the calibration was wrong
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShiftedLight:
-    """Any light, turned by small angles about two axes and brought nearer; agrees with the kinds where they meet.
-
-    A light in direction d at distance 1 / nearness shines on point p along d - nearness p.
-    """
-
-    kind: str
-    direction: tuple[float, float, float]
-    nearness: float
-    irradiance: tuple[float, float, float] | None
-    angular_radius_deg: float
-
-    def at(self, points: Floats) -> tuple[Floats, Floats]:
-        """Directions and irradiance at surface points, as every light gives them."""
-        towards = np.asarray(self.direction) - self.nearness * np.asarray(points)
-        square = np.einsum("...i,...i->...", towards, towards)[..., None]
-        return towards / np.sqrt(square), np.asarray(self.irradiance or (1.0, 1.0, 1.0)) / square
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,15 +57,20 @@ def prefix(photograph: int) -> str:
 
 
 def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
-    """Which shifts of one photograph are free: two of each light, its nearness, two of the centre, the radius.
+    """Which shifts of one photograph are free: two of each light, its nearness, two of the centre, the radius; and what
+    was stated of a light's size and of the camera's blur.
 
-    `fixed` may hold "light", "distance", "centre", "radius", or "all". The outline's correlations are kept.
+    `fixed` may hold "light", "distance", "size", "blur", "centre", "radius", or "all". The outline's correlations are
+    kept.
     """
     found: list[tuple[str, str, float]] = []
     for i, light in enumerate(scene.lights):
         tilt = direction_sd_rad(light)
         found += [("light", f"light{i}.tilt_x_rad", tilt), ("light", f"light{i}.tilt_y_rad", tilt)]
         found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
+        size = SIZE_SD * float(np.radians(light.angular_radius_deg))
+        found.append(("size", f"light{i}.angular_radius_rad", size))
+    found.append(("blur", BLUR, BLUR_SD * scene.camera.blur_px2))
     lights = len(found)
     outline = np.asarray(scene.sphere.covariance_px2)
     for j, (group, name) in enumerate(
@@ -135,16 +123,17 @@ def shifted(scene: Scene, shifts: Shifts, values: Floats, photograph: int = 0) -
     if not by_name:
         return scene
     lights = tuple(_shift_light(light, i, by_name) for i, light in enumerate(scene.lights))
+    camera = replace(scene.camera, blur_px2=scene.camera.blur_px2 + by_name.get(BLUR, 0.0))
     sphere = scene.sphere
     x, y = sphere.centre_px
-    moved = Sphere(
+    there = Sphere(
         centre_px=(x + by_name.get("sphere.centre_x_px", 0.0), y + by_name.get("sphere.centre_y_px", 0.0)),
         radius_px=sphere.radius_px + by_name.get("sphere.radius_px", 0.0),
         covariance_px2=sphere.covariance_px2,
         source=sphere.source,
         given=sphere.given,
     )
-    return replace(scene, lights=lights, sphere=moved)
+    return replace(scene, camera=camera, lights=lights, sphere=there)
 
 
 def brightened(scene: Scene, factor: Floats) -> Scene:
@@ -157,33 +146,12 @@ def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
     own = f"light{index}."
     if not any(name.startswith(own) or name in SCALES for name in by_name):
         return light
-    direction: Floats = np.array(light.direction, np.float64)
-    position = getattr(light, "position", None)
-    nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
-    across, along = tangents(direction)
-    turned = direction + by_name.get(own + "tilt_x_rad", 0.0) * across + by_name.get(own + "tilt_y_rad", 0.0) * along
-    turned /= np.linalg.norm(turned)
-    return ShiftedLight(
-        kind=light.kind,
-        direction=(float(turned[0]), float(turned[1]), float(turned[2])),
-        nearness=nearness + by_name.get(own + "nearness_per_radius", 0.0),
-        irradiance=_scaled(light, by_name),
-        angular_radius_deg=light.angular_radius_deg,
+    red, green, blue = (float(np.exp(by_name.get(name, 0.0))) for name in SCALES)
+    larger = float(np.degrees(by_name.get(own + "angular_radius_rad", 0.0)))
+    return moved(
+        light,
+        turn_rad=(by_name.get(own + "tilt_x_rad", 0.0), by_name.get(own + "tilt_y_rad", 0.0)),
+        nearer_per_radius=by_name.get(own + "nearness_per_radius", 0.0),
+        scale=(red, green, blue),
+        angular_radius_deg=max(light.angular_radius_deg + larger, 0.0),
     )
-
-
-def _scaled(light: Light, by_name: dict[str, float]) -> tuple[float, float, float] | None:
-    """A light's irradiance times its photograph's scale; None stays so where there is no such number."""
-    if not any(name in by_name for name in SCALES):
-        return light.irradiance
-    factor = [float(np.exp(by_name.get(name, 0.0))) for name in SCALES]
-    red, green, blue = (e * f for e, f in zip(light.irradiance or (1.0, 1.0, 1.0), factor, strict=True))
-    return red, green, blue
-
-
-def tangents(direction: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors that span the plane across a direction."""
-    helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    across = np.cross(helper, direction)
-    across /= np.linalg.norm(across)
-    return across, np.cross(direction, across)

@@ -107,6 +107,7 @@ def pose_views(
     `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter;
     `tempering` how many times less than by their noise the data weigh.
     """
+    views = [view.under_whole_lights() if model.specular.sees_source else view for view in views]
     fresnel = fresnel or fresnel_of(model, [view.scene for view in views])
     extras = extras or tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
     layout = lay_out(names_of(model, fresnel), neutral=model.neutral, extras=extras[0].shape[1], photographs=len(views))

@@ -12,7 +12,6 @@ from .model import Model, columns_of_many
 from .normal import Weighing, bounded, equations, sums_of
 from .problem import Optimum, Problem, pose_views, weights_at
 from .refine import refine
-from .views import View
 
 GRID = 14  # shapes tried along a single shape number before the descent begins
 DESCENTS = 3  # how many of them are descended from
@@ -23,7 +22,10 @@ SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 def search(problem: Problem) -> list[Optimum]:
     """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
     few = pose_views(
-        problem.model, [_thinned(view) for view in problem.views], fresnel=problem.fresnel, tempering=problem.tempering
+        problem.model,
+        [view.thinned(max(len(view.cells.x_px) // SEARCH_CELLS, 1)) for view in problem.views],
+        fresnel=problem.fresnel,
+        tempering=problem.tempering,
     )
     weights = _provisional(few)
     if not problem.model.parameters:
@@ -33,11 +35,6 @@ def search(problem: Problem) -> list[Optimum]:
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]
-
-
-def _thinned(view: View) -> View:
-    cells = view.cells.thinned(max(len(view.cells.x_px) // SEARCH_CELLS, 1))
-    return View.of(view.scene, cells, view.noise)
 
 
 def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from toolkit.records import Floats
 
 from .fit import fit, minima
-from .model import columns, lit_by
+from .model import columns
 from .normal import inverse, weigh
 from .nuisances import Shifts, shifted
 from .problem import Optimum, Problem, chi2_at, pose_views
@@ -123,7 +123,7 @@ def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: 
     """
     found: list[Floats] = []
     steps = np.diag(RELATIVE_STEP * shifts.sd)
-    for v, view in enumerate(replace(view, cells=view.cells.shared()) for view in views):
+    for v, view in enumerate(replace(view, gathered=view.gathered.shared()) for view in views):
         here = _predicted(optimum, view, shifts, total, v)
         slopes = [np.zeros((len(values), len(steps))) for values in here]
         for j in np.flatnonzero(shifts.photograph == v):
@@ -137,7 +137,7 @@ def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: 
 def _predicted(optimum: Optimum, view: View, shifts: Shifts, values: Floats, photograph: int) -> list[Floats]:
     """What an optimum predicts of one photograph's three channels with the shifts at these values."""
     problem = optimum.problem
-    lights = lit_by(shifted(view.scene, shifts, values, photograph), *view.cells.nodes())
-    cols = columns(problem.model, problem.fresnel, lights, view.cells, optimum.u)
+    there = view.moved(shifted(view.scene, shifts, values, photograph))
+    cols = columns(problem.model, problem.fresnel, there.lights, there.cells, optimum.u)
     index = problem.layout.index[3 * photograph : 3 * photograph + 3]
     return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, index, strict=True)]

@@ -17,18 +17,31 @@ class View:
     """One photograph: its scene, its samples in cells, its noise."""
 
     scene: Scene
-    cells: Cells
+    gathered: Cells  # as the pixels are
     noise: Noise
+    cells: Cells  # as wide as the scene's camera makes them
     lights: tuple[Lit, ...]  # at the cells' nodes
+    whole: bool  # whether sized lights are left whole
 
     @classmethod
-    def of(cls, scene: Scene, cells: Cells, noise: Noise) -> View:
+    def of(cls, scene: Scene, gathered: Cells, noise: Noise, *, whole: bool = False) -> View:
         """With the lights worked out at the cells."""
-        return cls(scene=scene, cells=cells, noise=noise, lights=lit_by(scene, *cells.nodes()))
+        cells = gathered.blurred(scene.camera.blur_px2)
+        lights = lit_by(scene, *cells.nodes(), whole=whole)
+        return cls(scene=scene, gathered=gathered, noise=noise, cells=cells, lights=lights, whole=whole)
 
     def moved(self, scene: Scene) -> View:
         """The same samples, seen in another scene."""
-        return self if scene is self.scene else View.of(scene, self.cells, self.noise)
+        return self if scene is self.scene else View.of(scene, self.gathered, self.noise, whole=self.whole)
+
+    def thinned(self, every: int) -> View:
+        """One cell in `every`, for a first search."""
+        return View.of(self.scene, self.gathered.thinned(every), self.noise, whole=self.whole)
+
+    def under_whole_lights(self) -> View:
+        """For a lobe that holds a light's disc itself."""
+        sized = any(light.angular_radius_deg for light in self.scene.lights)
+        return View.of(self.scene, self.gathered, self.noise, whole=True) if sized and not self.whole else self
 
 
 def signal_scale(cells: Cells) -> float:

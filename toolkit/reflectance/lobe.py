@@ -59,6 +59,7 @@ class Lobe:
     formula: str  # LaTeX, as the docs page shows it
     source: str  # key in docs/bibliography.bib
     sharp_angle: Literal["half", "mirror"] | None = None  # which angle carries structure as fine as the shape
+    sees_source: bool = False  # its value holds the light's own disc; else a sized light is several small ones
     fresnel: bool = False  # the assembly multiplies by Fresnel's factor at theta_d
     variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # option -> choices, the default first:
     # those that `evaluate` takes; `options` knows of the assembly's as well

@@ -108,6 +108,7 @@ register(
         formula=r"\frac{\mathrm{disc}_R \ast \mathcal{N}_s}{\pi \sin^2 R}(\angle(r, v)), \quad r = 2 (n \cdot l) n - l",
         source="nayar1991",
         sharp_angle="mirror",
+        sees_source=True,
         fresnel=True,
         claims=frozenset({Claim.BOUNDED_AT_GRAZING_VIEW}),
     )

@@ -1,0 +1,82 @@
+"""Any light a little aside of where it was: turned, nearer, brighter, or a part of its disc."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.records import Floats, Light
+
+PARTS = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))  # of a disc, by the sides of its centre
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovedLight:
+    """Any light, turned by small angles about two axes and brought nearer; agrees with the kinds where they meet.
+
+    A light in direction d at distance 1 / nearness shines on point p along d - nearness p.
+    """
+
+    kind: str
+    direction: tuple[float, float, float]
+    nearness: float
+    irradiance: tuple[float, float, float] | None
+    angular_radius_deg: float
+
+    def at(self, points: Floats) -> tuple[Floats, Floats]:
+        """Directions and irradiance at surface points, as every light gives them."""
+        if self.nearness == 0.0:
+            shape = np.shape(points)
+            return np.broadcast_to(self.direction, shape), np.broadcast_to(self.irradiance or (1.0, 1.0, 1.0), shape)
+        towards = np.asarray(self.direction) - self.nearness * np.asarray(points)
+        square = np.einsum("...i,...i->...", towards, towards)[..., None]
+        return towards / np.sqrt(square), np.asarray(self.irradiance or (1.0, 1.0, 1.0)) / square
+
+
+def moved(
+    light: Light,
+    *,
+    turn_rad: tuple[float, float] = (0.0, 0.0),
+    nearer_per_radius: float = 0.0,
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    angular_radius_deg: float | None = None,
+) -> MovedLight:
+    """The light turned about two axes across its direction, nearer, of `scale` times the irradiance (1 if unknown)."""
+    direction: Floats = np.array(light.direction, np.float64)
+    position = getattr(light, "position", None)
+    nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
+    across, along = tangents(direction)
+    turned = direction + turn_rad[0] * across + turn_rad[1] * along
+    turned /= np.linalg.norm(turned)
+    irradiance = light.irradiance
+    if scale != (1.0, 1.0, 1.0):
+        red, green, blue = (e * f for e, f in zip(irradiance or (1.0, 1.0, 1.0), scale, strict=True))
+        irradiance = red, green, blue
+    return MovedLight(
+        kind=light.kind,
+        direction=(float(turned[0]), float(turned[1]), float(turned[2])),
+        nearness=nearness + nearer_per_radius,
+        irradiance=irradiance,
+        angular_radius_deg=light.angular_radius_deg if angular_radius_deg is None else angular_radius_deg,
+    )
+
+
+def parts(light: Light) -> tuple[Light, ...]:
+    """A light's disc as four small ones of the disc's own second moments, a quarter of its irradiance each.
+
+    Gauss's two-point rule along each axis: half the radius aside. A light without extent is left as it is.
+    """
+    if light.angular_radius_deg == 0.0:
+        return (light,)
+    aside = 0.5 * float(np.radians(light.angular_radius_deg))
+    quarter = (0.25, 0.25, 0.25)
+    return tuple(moved(light, turn_rad=(x * aside, y * aside), scale=quarter, angular_radius_deg=0.0) for x, y in PARTS)
+
+
+def tangents(direction: Floats) -> tuple[Floats, Floats]:
+    """Two unit vectors that span the plane across a direction."""
+    helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    across = np.cross(helper, direction)
+    across /= np.linalg.norm(across)
+    return across, np.cross(direction, across)
