@@ -39,12 +39,13 @@ def case(seed: int, *, background: str = "", light_deg: float | None = None, snr
     tilt = np.radians(light_deg)
     light = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
     nx, ny = (x - centre[0]) / radius, -(y - centre[1]) / radius
-    r2 = nx * nx + ny * ny
-    normal = np.stack([nx, ny, np.sqrt(np.maximum(1 - r2, 0))], axis=-1)
+    there = nx * nx + ny * ny < 1
+    nx, ny = nx[there], ny[there]
+    normal = np.stack([nx, ny, np.sqrt(1 - (nx * nx + ny * ny))], axis=-1)
     ball = shade(normal, np.array([0.0, 0.0, 1.0]), light, rng)
-    level = float(np.percentile(ball[(r2 < 1) & (ball > 0)], 95))
-    behind = _background(background, level, rng)
-    picture = np.where(r2 < 1, ball, behind)
+    level = float(np.percentile(ball[ball > 0], 95))
+    picture = np.array(np.broadcast_to(_background(background, level, rng), there.shape))
+    picture[there] = ball
     return Case(
         truth=truth,
         light_deg=light_deg,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.stats import binom, chi2
+from scipy.stats import binom, chi2, kstest, norm
 
 from synthetic.render import render
 from tests.geometry.balls import case
@@ -17,6 +17,8 @@ from toolkit.errors import BadInputError
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.outline import Found, find_sphere
 from toolkit.geometry.outline.cone import depth_px, outline_px
+from toolkit.geometry.outline.errors import CURVATURE, SPREAD
+from toolkit.geometry.outline.linear import FREEDOM
 from toolkit.io.read import read_in_process
 from toolkit.radiometry.linearise import linearise
 from toolkit.records import Camera, Floats, LinearImage, Scene, Sphere
@@ -44,23 +46,29 @@ def seen(seed: int) -> Seen:
     except BadInputError:
         return Seen(None, None, True)
     off = _shape(found) - ball.truth
-    return Seen(
-        float(np.abs(off).max()), float(off @ np.linalg.solve(found.sphere.covariance_px2, off)), found.uncertain
-    )
+    return Seen(float(np.abs(off).max()), _chi2(off, found), found.uncertain)
+
+
+def _chi2(off: Floats, found: Found) -> float:
+    return float(off @ np.linalg.solve(found.sphere.covariance_px2, off))
 
 
 def _shape(found: Found) -> Floats:
     return np.array([*found.sphere.centre_px, found.sphere.radius_px])
 
 
-def covered(all_seen: Iterable[Seen], *, sds_told: float = 1.0) -> bool:
-    """Whether no more answers lie beyond chi-square's 95 % point than 99 % of such samples have.
+def honest(chi2s: Iterable[float], *, sds_told: float = 1.0) -> bool:
+    """Whether the chi-squares are such as 99 % of samples of chi-square with 3 degrees of freedom are, both ways.
 
-    `sds_told` scales what was told.
+    Their distribution as a whole (Kolmogorov), their sum, and the number beyond the 95 % point, the three together by
+    Sidak's correction. `sds_told` scales what was told.
     """
-    numbers = np.array([s.chi2 for s in all_seen if s.chi2 is not None]) / sds_told**2
+    numbers = np.array(list(chi2s)) / sds_told**2
+    chance = 1 - SURE ** (1 / 3)
+    low, high = chi2.ppf([chance / 2, 1 - chance / 2], 3 * len(numbers))
     beyond = int(np.sum(numbers > chi2.ppf(0.95, 3)))
-    return beyond <= int(binom.ppf(SURE, len(numbers), 0.05))
+    shaped = kstest(numbers, chi2(3).cdf).pvalue > chance
+    return bool(shaped and low < numbers.sum() < high and beyond <= binom.ppf(1 - chance, len(numbers), 0.05))
 
 
 def confidently_wrong(one: Seen) -> bool:
@@ -68,32 +76,36 @@ def confidently_wrong(one: Seen) -> bool:
     return not one.uncertain and (one.off_px or 0.0) > 0.2 and (one.chi2 or 0.0) > chi2.ppf(1 - 1e-6, 3)
 
 
-def _hold(all_seen: list[Seen], *, least: float) -> None:
+def _hold(all_seen: list[Seen], *, least: float, told_off: float) -> None:
     fine = sum(s.off_px is not None and s.off_px < 0.1 for s in all_seen)
     assert fine >= least
     assert not any(map(confidently_wrong, all_seen))
-    assert covered(all_seen)
-    assert not covered(all_seen, sds_told=0.2)  # negative control: errors told five times too small are noticed
+    numbers = [s.chi2 for s in all_seen if s.chi2 is not None and not s.uncertain]
+    assert honest(numbers)
+    for wrong in (told_off, 1 / told_off):  # negative controls: errors told too large or too small are noticed
+        assert not honest(numbers, sds_told=wrong)
 
 
 def test_rendered_balls_are_found_to_a_tenth_of_a_pixel() -> None:
-    """Of 20 renders as many as 95 % allow (at 1 %), light 0 to 120 degrees; errors cover; none is wrong unflagged."""
-    _hold([seen(seed) for seed in range(1000, 1020)], least=binom.ppf(1 - SURE, 20, 0.95))
+    """18 of 20 renders, as 92 % of draws of 95 % have; light 0 to 120 degrees; errors neither too small nor wide."""
+    _hold([seen(seed) for seed in range(1000, 1020)], least=18, told_off=2.0)
 
 
 @pytest.mark.parametrize("seed", [113, 142])
 def test_a_light_behind_the_camera_is_flagged(seed: int) -> None:
-    """These two limbs are dark against a bright background, and the outline is off by up to 1.4 px: it says so."""
+    """These two limbs are dark against a bright background: they are found, but no real ball's would be so well."""
     one = seen(seed)
     assert one.uncertain
+    assert one.off_px is not None
+    assert one.off_px < 0.1
     assert one.chi2 is not None
     assert one.chi2 < chi2.ppf(0.99, 3)
 
 
 @pytest.mark.slow
 def test_500_rendered_balls_are_found_to_a_tenth_of_a_pixel() -> None:
-    """At least 475; errors cover; none is wrong unflagged."""
-    _hold([seen(seed) for seed in range(500)], least=475)
+    """At least 475; errors are neither too small nor too wide; none is wrong unflagged."""
+    _hold([seen(seed) for seed in range(500)], least=475, told_off=1.2)
 
 
 def _found_in(photographs: Iterable[tuple[str, LinearImage]]) -> dict[str, Found]:
@@ -106,13 +118,24 @@ def _glossy_ball(step: int) -> dict[str, Found]:
     return _found_in((name, linearise(read_in_process(place / name))) for name in names)
 
 
-def _hold_on_the_glossy_ball(found: dict[str, Found]) -> None:
+def _hold_on_the_glossy_ball(found: dict[str, Found]) -> list[float]:
+    """Chi-squares about the median over the lights, which stands for the truth."""
     off = {name: _shape(one) - MASK for name, one in found.items()}
     near = [name for name in off if np.abs(off[name]).max() < 0.7]
     assert len(near) >= 46 / 48 * len(off)
     assert all(one.uncertain for name, one in found.items() if name not in near)
     sure = np.array([off[name] for name in near])
     assert np.all(sure.std(axis=0) < 0.1)  # the outline is the same under every light
+    return [_chi2(off[name] - np.median(sure, axis=0), found[name]) for name in near]
+
+
+def test_what_students_t_makes_of_gaussian_errors() -> None:
+    """The score's mean square and mean derivative, by quadrature, in units of the mean weight."""
+    z = np.linspace(-12, 12, 100_001)
+    weight, density = (FREEDOM + 1) / (FREEDOM + z**2), norm.pdf(z)
+    mean = np.sum(weight * density)
+    assert np.sum((weight * z) ** 2 * density) / mean == pytest.approx(SPREAD, abs=1e-4)
+    assert np.sum(np.gradient(weight * z, z) * density) / mean == pytest.approx(CURVATURE, abs=1e-4)
 
 
 def test_a_glossy_ball_is_found_under_every_light() -> None:
@@ -122,8 +145,11 @@ def test_a_glossy_ball_is_found_under_every_light() -> None:
 
 @pytest.mark.slow
 def test_a_glossy_ball_is_found_under_all_48_lights() -> None:
-    """At least 46 lie within 0.7 px of the mask's circle; the others are flagged."""
-    _hold_on_the_glossy_ball(_glossy_ball(1))
+    """At least 46 lie within 0.7 px of the mask's circle; the others are flagged; errors are true both ways."""
+    numbers = _hold_on_the_glossy_ball(_glossy_ball(1))
+    assert honest(numbers)
+    assert not honest(numbers, sds_told=0.5)
+    assert not honest(numbers, sds_told=2.0)
 
 
 def _gray_ball(numbers: Iterable[int]) -> dict[str, Found]:
@@ -164,8 +190,16 @@ def test_a_wide_angle_ball_at_the_edge_has_its_direction(light: tuple[float, flo
     image, scene = _wide_angle(419.3, 301.8, light)
     found = find_sphere(image, camera=scene.camera)
     assert _apart_deg(scene.camera, found.sphere.centre_px, scene.sphere.centre_px) < 0.02
-    flat = find_sphere(image, camera=FLAT)  # negative control: no circle does
-    assert _apart_deg(scene.camera, flat.sphere.centre_px, scene.sphere.centre_px) > 0.02
+    assert _circle_misses(image, scene)  # negative control
+
+
+def _circle_misses(image: LinearImage, scene: Scene) -> bool:
+    """Whether a circle in the ellipse's place lies elsewhere, or beyond the frame."""
+    try:
+        flat = find_sphere(image, camera=FLAT)
+    except BadInputError:
+        return True
+    return _apart_deg(scene.camera, flat.sphere.centre_px, scene.sphere.centre_px) > 0.02
 
 
 def _apart_deg(camera: Camera, a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -184,13 +218,13 @@ def _two_balls() -> LinearImage:
 
 
 def test_of_two_balls_the_larger_is_found_or_the_one_picked() -> None:
-    """Each lies where it was put, to within half a pixel or its stated error."""
+    """Each lies where it was put, to within a tenth of a pixel and its stated error."""
     image = _two_balls()
     for pick, truth in ((None, (123.3, 118.2, 100.8)), ((315.0, 120.0), (318.3, 118.2, 50.4))):
         found = find_sphere(image, camera=FLAT, pick=pick)
         sd = np.sqrt(np.diag(found.sphere.covariance_px2))
-        assert np.all(np.abs(_shape(found) - truth) < np.maximum(0.5, 3 * sd))
-        assert np.all(np.abs(_shape(found) - truth) < 1.5)
+        assert np.all(np.abs(_shape(found) - truth) < 4 * sd)
+        assert np.all(np.abs(_shape(found) - truth) < 0.1)
 
 
 def test_a_ball_cut_by_the_frame_is_refused() -> None:

@@ -14,6 +14,8 @@ from toolkit.records import Floats, LinearImage
 COARSE_PX = 640  # longer side of the small copy
 PAIRS = 200_000
 CANDIDATES = 60
+BIN_PX = 4.0  # of votes, pixels of the small copy
+REACH_PX = 10.0  # of the small copy, to which a circle may move in being refined
 BINS = 72  # of the circumference
 SMALLEST = 8.0  # radius in pixels of the small copy
 SMOOTH = 1.0  # sd of the blur before edges, pixels of the small copy
@@ -95,11 +97,21 @@ def _voted(
     votes = np.column_stack([centre, 0.5 * (radius + other)])[inside]
     if not len(votes):
         return [], []
-    kinds, member, count = np.unique(np.round(votes / 4.0), axis=0, return_inverse=True, return_counts=True)
-    tops = np.argsort(count / np.sqrt(np.maximum(kinds[:, 2], 1.0)))[-CANDIDATES:]
-    refined = [_refined(points, normals, np.median(votes[member.ravel() == k], axis=0)) for k in tops]
+    refined = [_refined(points, normals, circle) for circle in _fullest(votes)]
     refined = [c for c in refined if _within(c[None, :2], c[2:], shape, cut)[0]]
     return refined, [_arc(points, normals, circle) for circle in refined]
+
+
+def _fullest(votes: Floats) -> list[Floats]:
+    """The median vote of each of the fullest bins, by the votes that chance would put into bins of its radius."""
+    bins = np.round(votes / BIN_PX).astype(np.int64)
+    bins -= bins.min(axis=0)
+    member = np.ravel_multi_index(tuple(bins.T), tuple(bins.max(axis=0) + 1))
+    count = np.bincount(member)
+    full = np.flatnonzero(count)
+    radius = np.maximum(full % (bins[:, 2].max() + 1) + np.round(votes[:, 2] / BIN_PX).min(), 1.0)
+    tops = full[np.argsort(count[full] / np.sqrt(radius))[-CANDIDATES:]]
+    return [np.median(votes[member == k], axis=0) for k in tops]
 
 
 def _within(centre: Floats, radius: Floats, shape: tuple[int, ...], cut: bool) -> Floats:
@@ -122,13 +134,16 @@ def _near(points: Floats, normals: Floats, circle: Floats, within: float) -> Flo
 
 def _refined(points: Floats, normals: Floats, circle: Floats) -> Floats:
     """The circle through the edge points near it, a few times over."""
+    around = np.abs(np.hypot(points[:, 0] - circle[0], points[:, 1] - circle[1]) - circle[2]) < REACH_PX
+    points, normals = points[around], normals[around]
     for within in (4.0, 2.5, 1.5, 1.0, 1.0):
-        near = points[_near(points, normals, circle, within)]
+        near = points[_near(points, normals, circle, within)] - circle[:2]
         if len(near) < 8:
             return circle
         columns = np.column_stack([2 * near, np.ones(len(near))])
-        x, y, c = np.linalg.lstsq(columns, np.sum(near**2, axis=1), rcond=None)[0]
-        circle = np.array([x, y, np.sqrt(max(c + x * x + y * y, 1.0))])
+        ridge = 1e-9 * len(near) * np.eye(3)  # where all lie on a line
+        x, y, c = np.linalg.solve(columns.T @ columns + ridge, columns.T @ np.sum(near**2, axis=1))
+        circle = np.array([circle[0] + x, circle[1] + y, np.sqrt(max(c + x * x + y * y, 1.0))])
     return circle
 
 

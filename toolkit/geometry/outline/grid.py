@@ -30,26 +30,45 @@ def grids(image: LinearImage, box_px: tuple[float, float, float, float], step_px
 
 
 def _binned(image: LinearImage, plane: Plane, box_px: tuple[float, float, float, float], step_px: float) -> Grid:
-    import cv2
-
-    by = max(round(step_px / plane.step_px), 1)
     height, width = plane.values.shape
     (ox, oy), step = plane.origin_px, plane.step_px
     x0, x1 = (int(np.clip((v - ox) / step, 0, width)) for v in (box_px[0], box_px[2] + 1))
     y0, y1 = (int(np.clip((v - oy) / step, 0, height)) for v in (box_px[1], box_px[3] + 1))
-    x1, y1 = x0 + (x1 - x0) // by * by, y0 + (y1 - y0) // by * by
-    values = np.array(plane.values[y0:y1, x0:x1], np.float32)
-    values[(plane.flags[y0:y1, x0:x1] & (SampleFlag.CLIPPED | SampleFlag.INVALID)) != 0] = np.nan
-    if by > 1 and values.size:
-        values = np.asarray(cv2.resize(values, None, fx=1 / by, fy=1 / by, interpolation=cv2.INTER_AREA), np.float32)
-    shift = step * (by - 1) / 2
-    channel = plane.channel
-    return Grid(
+    values = np.asarray(plane.values[y0:y1, x0:x1], np.float32)
+    bad = (plane.flags[y0:y1, x0:x1] & (SampleFlag.CLIPPED | SampleFlag.INVALID)) != 0
+    if bad.any():
+        values = values.copy()
+        values[bad] = np.nan
+    whole = Grid(
         values=values,
-        origin_px=(ox + step * x0 + shift, oy + step * y0 + shift),
-        step_px=float(step * by),
-        gain=float(image.noise.gain[channel]) / by**2,
-        read=float(image.noise.read[channel]) / by,
+        origin_px=(ox + step * x0, oy + step * y0),
+        step_px=float(step),
+        gain=float(image.noise.gain[plane.channel]),
+        read=float(image.noise.read[plane.channel]),
+    )
+    return _coarser(whole, step_px)
+
+
+def coarser(planes: tuple[Grid, ...], step_px: float) -> tuple[Grid, ...]:
+    """Planes binned further until their step is nearest to `step_px` or their own."""
+    return tuple(_coarser(plane, step_px) for plane in planes)
+
+
+def _coarser(grid: Grid, step_px: float) -> Grid:
+    import cv2
+
+    by = max(round(step_px / grid.step_px), 1)
+    height, width = (side // by * by for side in grid.values.shape)
+    if by == 1 or not height * width:
+        return grid
+    values = cv2.resize(grid.values[:height, :width], None, fx=1 / by, fy=1 / by, interpolation=cv2.INTER_AREA)
+    shift = grid.step_px * (by - 1) / 2
+    return Grid(
+        values=np.asarray(values, np.float32),
+        origin_px=(grid.origin_px[0] + shift, grid.origin_px[1] + shift),
+        step_px=grid.step_px * by,
+        gain=grid.gain / by**2,
+        read=grid.read / by,
     )
 
 

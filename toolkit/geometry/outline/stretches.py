@@ -13,6 +13,7 @@ from .cone import depth_px
 from .grid import Grid
 
 MOST = 150  # samples of a plane in one stretch: more are drawn from
+ENOUGH = 2  # times as many
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,11 +83,15 @@ def _of_plane(
     x = grid.origin_px[0] + grid.step_px * np.arange(width)
     y = grid.origin_px[1] + grid.step_px * np.arange(height)
     depth = depth_px(camera, shape, x[None, :], y[:, None])
-    row, column = np.nonzero((depth < inside) & (depth > -outside) & np.isfinite(grid.values))
+    near = np.flatnonzero((depth < inside) & (depth > -outside) & np.isfinite(grid.values))
+    lot = rng.random(height * width)[near]
+    few = lot < ENOUGH * MOST * count / max(len(near), 1)  # far more than will be drawn need not be put in order
+    near, lot = near[few], lot[few]
+    row, column = np.divmod(near, width)
     x, y, value = x[column], y[row], np.asarray(grid.values[row, column], float)
     turn = np.arctan2(y - shape[1], x - shape[0]) / (2 * np.pi) % 1.0
     stretch = np.minimum((turn * count).astype(np.int64), count - 1)
-    order = np.lexsort((rng.random(len(x)), stretch))
+    order = np.lexsort((lot, stretch))
     x, y, value, stretch = x[order], y[order], value[order], stretch[order]
     place = np.arange(len(x)) - np.searchsorted(stretch, stretch)
     keep = place < MOST
