@@ -13,8 +13,9 @@ from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose
-from toolkit.inference.surrogate import surrogate_of
+from toolkit.inference.surrogate import NODES, surrogate_of
 from toolkit.records import Floats, Noise
+from toolkit.reflectance import LOBES
 
 from .ball import NOISE, photograph, radiance_of
 
@@ -109,3 +110,11 @@ def _quadrature(optimum: Optimum) -> tuple[float, float]:
     weight = np.exp([_exact(optimum, np.array([v]))[0] for v in u])
     mean = float(weight @ u / weight.sum())
     return mean, float(np.sqrt(weight @ (u - mean) ** 2 / weight.sum()))
+
+
+def test_every_pair_of_lobes_can_be_sampled() -> None:
+    """However many shape numbers a highlight and a body have together, there is a number of nodes for them."""
+    kinds = [[lobe for lobe in LOBES.values() if lobe.kind == kind] for kind in ("specular", "diffuse")]
+    counts = {len(gloss.parameters) + len(body.parameters) for gloss in kinds[0] for body in kinds[1]}
+    assert counts <= set(NODES)
+    assert max(counts) == 4

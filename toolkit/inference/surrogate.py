@@ -23,7 +23,7 @@ REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
 SHORTENINGS = 6
-NODES = {0: (1,), 1: (7, 13, 25, 49), 2: (5, 7, 11, 17), 3: (5, 7, 9)}
+NODES = {0: (1,), 1: (7, 13, 25, 49), 2: (5, 7, 11, 17), 3: (5, 7, 9), 4: (5,)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
