@@ -1,34 +1,41 @@
 """Layers of a real glossy ball under many lights: do they speak of one material?
 
-The diffuse layers of a joint fit, as maps of albedo, against their mean over the lights; each photograph's specular
-energy against what the others' lobe predicts in its light. Needs the photographs (`FIT_MATERIAL_DATA`).
+Eight photographs fitted jointly, and eight others. The diffuse layers of the first eight, as maps of albedo, against
+their mean over the lights. Each photograph's specular energy against what the other eight's material predicts for its
+light. Needs the photographs (`FIT_MATERIAL_DATA`).
+
+The energy is that of the specular layer where the photograph shows it: photograph less pedestal and diffuse layer over
+the irradiance, summed over the samples that took part in the fit within 15 degrees of the highlight's middle. Samples
+that clip, and those beside them, tell no energy and are left out on both sides. The energy of the fitted lobes
+themselves, clipped core and all, is an extrapolation: nothing in these photographs says what a core holds. It is told
+beside the other and asked for nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from pipelines.fit_material import fit_jointly, fit_material
+from pipelines.fit_material import fit_jointly
 from pipelines.settings import Settings
 from tests.realdata import folder
 from tests.validation.test_photographs import photograph, settings_of
 from toolkit.geometry.sphere import surface
 from toolkit.inference.joint import of_photograph
 from toolkit.inference.layers import predict
-from toolkit.records import Fit, Floats, ModelLayers, Scene
+from toolkit.records import Fit, Floats, MaterialReport, ModelLayers, Scene
 
-EVERY = 6  # of the 48 lights: eight
-OFF_HIGHLIGHT_RAD = np.radians(15.0)
+FIRST, SECOND = range(0, 48, 6), range(3, 48, 6)  # of the 48 lights, all over the field
+NEAR_RAD = np.radians(15.0)  # of the highlight's middle: within is its energy, beyond is the body's albedo
 LEAST_N_DOT_L, LEAST_N_DOT_V = 0.1, 0.25
 GRID = 180  # side of the common map, pixels: more than the ball's box
 
 
 def settings_under(index: int) -> Settings:
-    """One photograph's scene with its calibrated irradiance; GGX over Wolff's body."""
+    """One photograph's scene with its calibrated irradiance; the lobe of free tail over Wolff's body."""
     place = folder("diligent_ball")
     light = {
         "kind": "directional",
@@ -36,18 +43,22 @@ def settings_under(index: int) -> Settings:
         "direction_sd_deg": 1.0,
         "irradiance": np.loadtxt(place / "light_intensities.txt")[index].tolist(),
     }
-    return settings_of(index, light=[light], fit={"models": ["ggx"], "diffuse": ["wolff"], "ess": 500})
+    return settings_of(index, light=[light], fit={"models": ["gtr"], "diffuse": ["wolff"], "ess": 500})
 
 
-def albedo_scatter(indices: Sequence[int]) -> float:
+def together(indices: Sequence[int]) -> MaterialReport:
+    """The photographs fitted as one."""
+    return fit_jointly([(photograph(i), settings_under(i)) for i in indices])
+
+
+def albedo_scatter(report: MaterialReport) -> float:
     """Rms over lights and places of the albedo maps' difference from their mean, weighted as the body is lit."""
-    report = fit_jointly([(photograph(i), settings_under(i)) for i in indices])
     best = report.fits[report.best]
     albedo, lit = [], []
     for v, one in enumerate(report.photographs):
         assert one.layers is not None
         fit = of_photograph(best, v)
-        there = _off_highlight(one.layers, fit.scene)
+        there = _seen(one.layers, fit.scene, near=False)
         body = one.layers.photograph - one.layers.pedestal - one.layers.specular
         shading = np.maximum(one.layers.diffuse / np.asarray(fit.colours["diffuse_albedo"]), 1e-12)
         albedo.append(_placed(np.where(there, body / shading, np.nan), one.layers, fit.scene))
@@ -62,28 +73,52 @@ def albedo_scatter(indices: Sequence[int]) -> float:
     return float(np.sqrt(square[:, several].sum() / weight[:, several].sum()))
 
 
-def energy_errors(indices: Sequence[int]) -> Floats:
-    """For each photograph (N,), the specular energy that the others' median lobe predicts over its own, less 1."""
-    reports = [fit_material(photograph(i), settings_under(i)) for i in indices]
-    fits = [report.fits[report.best] for report in reports]
-    errors = []
-    for k, (report, own) in enumerate(zip(reports, fits, strict=True)):
-        others = fits[:k] + fits[k + 1 :]
-        alike: dict[str, Any] = {
-            part: {name: np.median([getattr(f, part)[name] for f in others], axis=0) for name in getattr(own, part)}
-            for part in ("shape", "colours")
-        }
-        assert report.layers is not None
-        errors.append(_energy(replace(own, **alike), report.layers) / _energy(own, report.layers) - 1.0)
-    return np.array(errors)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Energy:
+    """A photograph's specular energy, in units of its irradiance times a square pixel, and what others foretell."""
+
+    shown: float  # where the photograph tells it
+    foretold: float  # there, by the others' material
+    lobe: float  # of the photograph's own fitted lobe, clipped core and all
+    foretold_lobe: float
 
 
-def _energy(fit: Fit, layers: ModelLayers) -> float:
-    """Light in the specular lobe over the ball's pixels, relative to the irradiance."""
+def energies(report: MaterialReport, others: Fit) -> list[Energy]:
+    """Of each photograph of a joint fit, with what the material of `others`, a joint fit of other ones, foretells."""
+    best = report.fits[report.best]
+    return [
+        _energy(one.layers, of_photograph(best, v), others)
+        for v, one in enumerate(report.photographs)
+        if one.layers is not None
+    ]
+
+
+def _energy(layers: ModelLayers, own: Fit, others: Fit) -> Energy:
+    near = _seen(layers, own.scene, near=True)
     x, y = _pixels(layers)
-    on = np.isfinite(layers.model[..., 0]).ravel()
-    irradiance = np.asarray(fit.scene.lights[0].irradiance)
-    return float(np.sum(predict(fit, x[on], y[on]).specular / irradiance))
+    there = near.any(axis=-1).ravel()
+    foretold = np.zeros((*layers.model.shape[:2], 3))
+    foretold.reshape(-1, 3)[there] = predict(_in_light_of(own, others), x[there], y[there]).specular
+    irradiance = np.asarray(own.scene.lights[0].irradiance)
+    gloss = layers.photograph - layers.pedestal - layers.diffuse
+
+    def total(layer: Floats, where: Floats) -> float:
+        return float(np.sum(np.where(where, layer, 0.0) / irradiance))
+
+    whole = np.repeat(there.reshape(near.shape[:2])[..., None], 3, axis=2)
+    shown = near & layers.used
+    return Energy(
+        shown=total(gloss, shown),
+        foretold=total(foretold, shown),
+        lobe=total(layers.specular, whole),
+        foretold_lobe=total(foretold, whole),
+    )
+
+
+def _in_light_of(own: Fit, others: Fit) -> Fit:
+    """The others' material in a photograph's scene: as if the photograph were one more of theirs."""
+    colours = {**others.colours, "pedestal_2": own.colours["pedestal"]}
+    return of_photograph(replace(others, others=(own.scene,), colours=colours), 1)
 
 
 def _pixels(layers: ModelLayers) -> tuple[Floats, Floats]:
@@ -91,16 +126,17 @@ def _pixels(layers: ModelLayers) -> tuple[Floats, Floats]:
     return layers.origin_px[0] + layers.step_px * column, layers.origin_px[1] + layers.step_px * row
 
 
-def _off_highlight(layers: ModelLayers, scene: Scene) -> Floats:
-    """Usable places (h, w, 1) that are lit, in view and well away from the highlight."""
+def _seen(layers: ModelLayers, scene: Scene, *, near: bool) -> Floats:
+    """Places (h, w, 1) that are lit, in view, and near the highlight; or usable ones well away from it."""
     seen = surface(scene.camera, scene.sphere, *_pixels(layers))
     light = scene.lights[0].at(seen.normal)[0]
     half = light + seen.view
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
     dot = [np.einsum("ni,ni->n", seen.normal, other) for other in (light, seen.view, half)]
     there = seen.on_sphere & (dot[0] > LEAST_N_DOT_L) & (dot[1] > LEAST_N_DOT_V)
-    there &= dot[2] < np.cos(OFF_HIGHLIGHT_RAD)
-    return np.asarray(there.reshape(layers.model.shape[:2])[..., None] & layers.used.all(axis=-1, keepdims=True))
+    there &= (dot[2] > np.cos(NEAR_RAD)) == near
+    whole = there.reshape(layers.model.shape[:2])[..., None]
+    return np.asarray(whole if near else whole & layers.used.all(axis=-1, keepdims=True))
 
 
 def _placed(layer: Floats, layers: ModelLayers, scene: Scene) -> Floats:
@@ -114,12 +150,21 @@ def _placed(layer: Floats, layers: ModelLayers, scene: Scene) -> Floats:
 
 def rows() -> list[dict[str, Any]]:
     """What is asked of the ball's layers and what was found."""
-    indices = range(0, 48, EVERY)
-    scatter, errors = albedo_scatter(indices), np.abs(energy_errors(indices))
+    first, second = together(FIRST), together(SECOND)
+    materials = first.fits[first.best], second.fits[second.best]
+    found = energies(first, materials[1]) + energies(second, materials[0])
+    errors = np.abs([each.foretold / each.shown - 1.0 for each in found])
+    lobes = np.abs([each.foretold_lobe / each.lobe - 1.0 for each in found])
+    told = f"median {np.median(errors):.2g}; of the lobes, clipped cores and all, {np.max(lobes):.2g} at worst"
     asked = [
-        ("ball, 8 lights: albedo maps of the diffuse layers, weighted rms about their mean", scatter, 0.02),
-        ("ball, 8 lights: specular energy predicted by the other seven, worst error", float(errors.max()), 0.15),
+        (
+            "ball, 8 lights: albedo maps of the diffuse layers, weighted rms about their mean",
+            albedo_scatter(first),
+            0.02,
+        ),
+        (f"ball, 16 lights: specular energy shown, by the other eight's material, worst ({told})", errors.max(), 0.15),
     ]
     return [
-        {"what": what, "found": found, "asked": f"<= {most:g}", "met": found <= most} for what, found, most in asked
+        {"what": what, "found": float(found), "asked": f"<= {most:g}", "met": bool(found <= most)}
+        for what, found, most in asked
     ]
