@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from toolkit.flags import SampleFlag
 from toolkit.records import Floats, Plane
 
+MOMENTS_FROM = 8  # pixels or quads on a side of the smallest blocks whose moments are worked out all over the image
+
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
@@ -44,20 +46,28 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Level:
-    """Blocks of `side` pixels or quads on a side: their sums per channel, and whether any of theirs is flagged."""
+    """Blocks of `side` pixels or quads on a side, as sums over parts of a side `part`; whether any is flagged."""
 
     side: int
+    part: int
     sums: NDArray[np.float32]  # (3, 3, h, w): of the samples, of x times them, of y times them; single ones' own only
     bad: Mask | None
     size: tuple[int, int]  # of the photograph, in pixels or quads
 
     def told(self, row: Rows, column: Rows) -> Floats:
         """Of some blocks (3, 3, n): each channel's mean, and the slopes of its best plane along x and y, in steps."""
-        sums = self.sums[:, :, row, column]
-        result = np.zeros((3, 3, len(row)))
-        result[: len(sums)] = sums / np.float32(self.side**2)
-        result[1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
-        return np.swapaxes(result, 0, 1)
+        count = self.side // self.part
+        place = self.part * (np.arange(count) - (count - 1) / 2)
+        x, y = (of.ravel() for of in np.meshgrid(place, place))
+        height, width = (n // count for n in self.sums.shape[-2:])
+        parts = self.sums.reshape(-1, 3, height, count, width, count)[:, :, row, :, column]  # (n, moments, 3, y, x)
+        of_samples = parts[:, 0].reshape(len(row), 3, count**2)
+        result = (of_samples @ np.stack([np.ones(count**2), x, y], axis=1).astype(np.float32)).astype(float)
+        if len(self.sums) > 1:
+            result[..., 1:] += parts[:, 1:].sum(axis=(-2, -1)).swapaxes(1, 2)
+        result /= self.side**2
+        result[..., 1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
+        return result.transpose(1, 2, 0)
 
     def spoiled(self, row: Rows, column: Rows) -> Mask:
         """Whether blocks hold anything flagged or reach over the edge, per channel (3, n)."""
@@ -129,15 +139,27 @@ def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tu
 
 
 def pyramid(grid: Grid, levels: int) -> list[Level]:
-    """Sums and first moments of 1, 2 x 2, 4 x 4 ... up to 2^levels."""
-    found = [Level(side=1, sums=grid.value[None], bad=grid.bad, size=grid.size)]
+    """Blocks of 1, 2 x 2, 4 x 4 ... up to 2^levels: the small ones by their pixels, the others by their own moments."""
+    found = [Level(side=1, part=1, sums=grid.value[None], bad=grid.bad, size=grid.size)]
     for level in range(1, levels + 1):
-        bad = found[-1].bad
+        side, bad = 2**level, found[-1].bad
         if bad is not None:
             bad = bad[:, ::2] | bad[:, 1::2]
             bad = bad[..., ::2] | bad[..., 1::2]
-        found.append(Level(side=2**level, sums=_paired(found[-1]), bad=bad, size=grid.size))
+        sums, part = found[0].sums, 1
+        if side >= MOMENTS_FROM:
+            sums, part = _moments(grid.value) if side == MOMENTS_FROM else _paired(found[-1]), side
+        found.append(Level(side=side, part=part, sums=sums, bad=bad, size=grid.size))
     return found
+
+
+def _moments(value: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Sums and first moments of blocks of MOMENTS_FROM on a side: two products of matrices, one pass over pixels."""
+    side, (_, height, width) = MOMENTS_FROM, value.shape
+    weight = np.stack([np.ones(side), np.arange(side) - (side - 1) / 2]).astype(np.float32)
+    rows = weight @ value.reshape(3, height // side, side, width)
+    both = rows.reshape(3, height // side, 2, width // side, side) @ weight.T
+    return np.stack([both[:, :, 0, :, 0], both[:, :, 0, :, 1], both[:, :, 1, :, 0]])
 
 
 def _paired(level: Level) -> NDArray[np.float32]:
@@ -146,8 +168,7 @@ def _paired(level: Level) -> NDArray[np.float32]:
     columns = sums[..., ::2, :] + sums[..., 1::2, :]
     down = sums[0, :, 1::2] - sums[0, :, ::2]
     left, right = columns[..., ::2], columns[..., 1::2]
-    result = np.zeros((3, *left.shape[1:]), np.float32)
-    np.add(left, right, out=result[: len(sums)])
+    result = left + right
     result[1] += reach * (right[0] - left[0])
     result[2] += reach * (down[..., ::2] + down[..., 1::2])
-    return result
+    return np.asarray(result)
