@@ -156,6 +156,12 @@ def test_two_bodies_beyond_lambert_are_found_though_the_search_begins_far_off(tm
     assert max(abs(n["truth"] - n["mean"]) / n["sd"] for n in line["numbers"]) < 4.0
 
 
+@pytest.mark.parametrize("number", [9, 13])
+def test_a_small_ball_in_little_noise_settles(tmp_path: Path, number: int) -> None:
+    """Columns of the calibration taken from nodes that are not each channel's own left these creeping for ever."""
+    assert "not_converged" not in run_trial(hypercube(1050)[number], tmp_path)["flags"]
+
+
 def _told(scene: Scene, wrong: str, amount: float) -> Scene:
     sphere = replace(scene.sphere, covariance_px2=np.eye(3))
     light = scene.lights[0].model_copy(update={"direction_sd_deg": 0.5})

@@ -103,18 +103,6 @@ class Cells:
         """Pixel coordinates x, y of the nodes of every cell, each (S, 4, N)."""
         return self.node_x_px, self.node_y_px
 
-    def shared(self) -> Cells:
-        """The same with one set of nodes for all channels: enough for a small change of the picture, at less cost."""
-        if len(self.node_x_px) == 1:
-            return self
-        channels = [replace(data, place=0) for data in self.channels]
-        return replace(
-            self,
-            node_x_px=self.node_x_px.mean(axis=0, keepdims=True),
-            node_y_px=self.node_y_px.mean(axis=0, keepdims=True),
-            channels=(channels[0], channels[1], channels[2]),
-        )
-
     def blurred(self, variance_px2: float) -> Cells:
         """The cells as a camera sees them that spreads each point by so much along each axis."""
         if variance_px2 <= 0.0:

@@ -123,7 +123,7 @@ def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: 
     """
     found: list[Floats] = []
     steps = np.diag(RELATIVE_STEP * shifts.sd)
-    for v, view in enumerate(replace(view, gathered=view.gathered.shared()) for view in views):
+    for v, view in enumerate(views):
         here = _predicted(optimum, view, shifts, total, v)
         slopes = [np.zeros((len(values), len(steps))) for values in here]
         for j in np.flatnonzero(shifts.photograph == v):
