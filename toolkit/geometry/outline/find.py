@@ -225,6 +225,4 @@ def _solved(
     limb = solve(samples, camera, start, prior, rounds=rounds, settled=settled)
     limit = np.maximum(3.5 * limb.seen_px, 0.35 * step)
     arc = float(np.mean(limb.edge & (limb.seen_px < 0.5 * step) & (np.abs(limb.offset_px) < limit)))
-    return _Ball(
-        planes=planes, lit=start.light, limb=limb, arc=arc, score=arc, settled=limb.moved_px < 3 * settled * step
-    )
+    return _Ball(planes=planes, lit=start.light, limb=limb, arc=arc, score=arc, settled=limb.moved_px < settled * step)
