@@ -45,11 +45,14 @@ def test_no_photograph_fails(index: int) -> None:
 
 @pytest.mark.slow
 def test_all_48_photographs_go_through_with_their_ball_detected() -> None:
-    """None fails, half leave under 6.2 % rms, and the albedo is the same under all lights to 1.5 % (MAD)."""
+    """None fails, half leave under 6.2 % rms, and the albedo is the same under all lights to 1.5 % (MAD).
+
+    With one body lobe: Lambert's albedo and Wolff's are two quantities, a quarter apart on this ball.
+    """
     scale = np.loadtxt(folder("diligent_ball") / "light_intensities.txt")
     rms, albedo = [], []
     for index in range(48):
-        settings = settings_of(index, fit={"models": ["torrance-sparrow", "ggx"], "ess": 200})
+        settings = settings_of(index, fit={"models": ["ggx"], "diffuse": ["wolff"], "ess": 200})
         report = fit_material(photograph(index), settings.model_copy(update={"sphere": None}))
         assert report.scene.sphere.source == "detected"
         assert all(fit.status == "converged" for fit in report.fits)

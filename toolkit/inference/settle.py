@@ -74,8 +74,13 @@ def _fallen(start: Optimum, best: Optimum) -> float:
 def _follow(
     problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats, blocks: Sequence[NDArray[np.intp]]
 ) -> tuple[Optimum, Floats]:
-    """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened."""
-    tempering = tempering_of(optimum, blocks)
+    """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened.
+
+    So are all that follow one which went back on the one before it: where clipped cells change sides from round to
+    round, two places can lead to each other for ever.
+    """
+    tempering, reach = tempering_of(optimum, blocks), 1.0
+    last: Floats = np.zeros(len(total))
     for _ in range(ROUNDS):
         problem = replace(problem, tempering=tempering)
         optimum = fit(_linearised(problem, optimum, shifts, total), start=optimum)
@@ -85,7 +90,9 @@ def _follow(
         settled = np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd))
         if settled and stands(tempering, problem.tempering):
             return optimum, total + moved
-        total = total + _share(problem, optimum, shifts, total, moved) * moved
+        reach *= 0.5 if float(np.sum(moved * last / sd**2)) < 0.0 else 1.0
+        last = _share(problem, optimum, shifts, total, moved) * reach * moved
+        total = total + last
     return replace(optimum, status=f"calibration not settled after {ROUNDS} rounds"), total
 
 
