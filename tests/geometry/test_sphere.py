@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from toolkit.geometry.lights import DirectionalLight, PointLight
 from toolkit.geometry.sphere import bounding_box, centre_position, on_sphere, surface
-from toolkit.inference.nuisances import ShiftedLight
+from toolkit.inference.moved_light import MovedLight
 from toolkit.records import Camera, Scene, Sphere
 
 ORTHOGRAPHIC = Camera()
@@ -85,7 +85,7 @@ def test_a_shifted_light_meets_both_kinds() -> None:
         (0.0, DirectionalLight(direction=(x, y, z), irradiance=(3.0, 2.0, 1.0))),
         (1 / distance, PointLight(position=(1.0, 2.0, 5.0), irradiance=(3.0, 2.0, 1.0))),
     ):
-        for ours, theirs in zip(ShiftedLight(nearness=nearness, **rest).at(points), kind.at(points), strict=True):
+        for ours, theirs in zip(MovedLight(nearness=nearness, **rest).at(points), kind.at(points), strict=True):
             assert ours == pytest.approx(np.broadcast_to(theirs, ours.shape))
 
 

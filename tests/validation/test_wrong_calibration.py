@@ -20,8 +20,9 @@ from toolkit.geometry.lights import DirectionalLight, PointLight
 from toolkit.inference.compare import rank
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
+from toolkit.inference.moved_light import tangents
 from toolkit.inference.normal import inverse
-from toolkit.inference.nuisances import shifts_of, tangents
+from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.inference.settle import fit_with_shifts
 from toolkit.records import Floats, Noise, Scene
