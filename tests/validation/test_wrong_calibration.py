@@ -17,10 +17,10 @@ from synthetic.render import render
 from synthetic.scenes import exposed
 from tests.inference.ball import BODY, F0, NOISE, glossy, photograph, radiance_of, scene_of
 from toolkit.geometry.lights import DirectionalLight, PointLight
+from toolkit.geometry.tangents import tangents
 from toolkit.inference.compare import rank
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
-from toolkit.inference.moved_light import tangents
 from toolkit.inference.normal import inverse
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose

@@ -18,6 +18,7 @@ from toolkit.flags import SampleFlag
 from toolkit.records import Camera, Floats, Sphere
 
 from .sphere import Surface, surface
+from .tangents import tangents
 
 GLOSSES = (60.0, 1000.0)  # shininesses of the two lobes: a broad and a sharp highlight
 GRID = 500  # directions tried
@@ -144,10 +145,7 @@ def _refined(seen: Surface, value: Floats, light: Floats) -> Floats:
     step = 0.08
     best, left = light, _residual(seen, value, light)[0]
     while step > 5e-4:
-        helper = np.array([0.0, 1.0, 0.0]) if abs(best[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-        across = np.cross(helper, best)
-        across /= np.linalg.norm(across)
-        along = np.cross(best, across)
+        across, along = tangents(best)
         turns = [best + step * (np.cos(a) * across + np.sin(a) * along) for a in np.arange(8) * np.pi / 4]
         turns = [t / np.linalg.norm(t) for t in turns]
         tried = [_residual(seen, value, t)[0] for t in turns]

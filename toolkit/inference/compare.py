@@ -43,8 +43,7 @@ def bic_of(optimum: Optimum, blocks: Blocks) -> float:
     Beside the predictive density, not instead of it: it takes all data for independent and every model for one that
     could be exactly right.
     """
-    counted = sum(w.counted for w in optimum.weights.weights)
-    return float(len(optimum.joint) * np.log(max(counted, 1)) - 2.0 * blocks.density.sum())
+    return float(len(optimum.joint) * np.log(max(optimum.weights.counted, 1)) - 2.0 * blocks.density.sum())
 
 
 def difference(a: Fit, b: Fit) -> tuple[float, float]:

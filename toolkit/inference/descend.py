@@ -32,7 +32,7 @@ def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
     inside = ONTO_BOUND * (high - low)
     within = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
     here = _project(problem, within, weights, cols if np.array_equal(within, u) else None)
-    status, cells = f"not converged after {STEPS} steps", sum(w.counted for w in weights.weights)
+    status, cells = f"not converged after {STEPS} steps", weights.counted
     last: Floats = np.zeros(len(here.joint.rhs))
     for _ in range(STEPS):
         u, step = here.u, _joint_step(here, low, high)

@@ -12,14 +12,14 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .blocks import Blocks
 from .normal import inverse
 from .posterior import Draws
 from .problem import Optimum
 
 
-def stretch_of(optimum: Optimum, blocks: Blocks) -> Floats:
-    """The matrix (P, P) that takes deviations of all unknowns from the mode to those the blocks' scores warrant.
+def stretch_of(optimum: Optimum, scores: Floats) -> Floats:
+    """The matrix (P, P) that takes deviations of all unknowns from the mode to those the blocks' centred scores
+    (b, P), of the optimum's own weights, warrant.
 
     In the coordinates in which the posterior is a unit ball, the blocks' scores have a covariance whose eigenvalues
     are 1 but for the misfit. Chance lifts the largest of them to (1 + sqrt(P / B))^2 (Marchenko & Pastur 1967); only
@@ -27,7 +27,7 @@ def stretch_of(optimum: Optimum, blocks: Blocks) -> Floats:
     """
     covariance = inverse(optimum.joint)
     root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
-    scores = blocks.centred() @ root
+    scores = scores @ root
     spread, directions = np.linalg.eigh(scores.T @ scores)
     chance = (1.0 + np.sqrt(len(root) / max(len(scores), 1))) ** 2
     factor = np.sqrt(np.where(spread > chance, spread, 1.0))

@@ -71,10 +71,11 @@ def infer_views(
     shifts = shifts_of_all(scenes, fixed)
     where = [blocks_of(view.scene, view.cells) for view in views]
     optimum, total = fit_with_shifts(pose_views(model, views), shifts, where if discrepancy else ())
-    stretch = stretch_of(optimum, by_block(optimum, *where)) if discrepancy else np.eye(len(optimum.joint))
-    draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     by_noise = by_noise_alone(optimum)
     blocks = by_block(by_noise, *where)
+    scores = blocks.centred() / optimum.problem.tempering
+    stretch = stretch_of(optimum, scores) if discrepancy else np.eye(len(optimum.joint))
+    draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(by_noise)
     estimates = estimates_of(optimum, draws, statistical_sds(by_noise))
     elpd = elpd_blocks(by_noise, blocks)
@@ -119,14 +120,13 @@ def misfit(optimum: Optimum) -> tuple[float, float]:
     """Chi-square of the cells' means by the measurement noise alone over its degrees of freedom; relative rms."""
     problem = optimum.problem
     predicted = problem.predict(problem.columns(optimum.u), optimum.x)
-    chi2, square, signal, cells = 0.0, 0.0, 0.0, 0
+    chi2, square, signal = 0.0, 0.0, 0.0
     for w, data, p in zip(optimum.weights.weights, problem.channels, predicted, strict=True):
         residual = data.value - p
         chi2 += float(w.times(residual) @ residual)
         square += float((data.count * (w.each > 0)) @ residual**2)
         signal += float((data.count * (w.each > 0)) @ p**2)
-        cells += w.counted
-    return chi2 / max(cells - len(optimum.joint), 1), (square / max(signal, 1e-300)) ** 0.5
+    return chi2 / max(optimum.weights.counted - len(optimum.joint), 1), (square / max(signal, 1e-300)) ** 0.5
 
 
 def _by_chain(draws: Mapping[str, Floats]) -> dict[str, Floats]:

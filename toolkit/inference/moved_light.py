@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.geometry.tangents import tangents
 from toolkit.records import Floats, Light
 
 PARTS = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))  # of a disc, by the sides of its centre
@@ -72,11 +73,3 @@ def parts(light: Light) -> tuple[Light, ...]:
     aside = 0.5 * float(np.radians(light.angular_radius_deg))
     quarter = (0.25, 0.25, 0.25)
     return tuple(moved(light, turn_rad=(x * aside, y * aside), scale=quarter, angular_radius_deg=0.0) for x, y in PARTS)
-
-
-def tangents(direction: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors that span the plane across a direction."""
-    helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    across = np.cross(helper, direction)
-    across /= np.linalg.norm(across)
-    return across, np.cross(direction, across)

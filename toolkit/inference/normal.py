@@ -96,6 +96,11 @@ class Weighing:
     weighted: tuple[Floats, ...]  # (q, n) each, the extra columns times the weights
     gram: tuple[Floats, ...]  # (q, q) each
 
+    @property
+    def counted(self) -> int:
+        """How many data count, of all channels."""
+        return sum(w.counted for w in self.weights)
+
 
 def weigh(weights: tuple[Weights, ...], extras: tuple[Floats, ...]) -> Weighing:
     """Weights of a problem with these extra columns, (n, q) per channel."""

@@ -29,11 +29,10 @@ def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
     Those, one a photograph, (N,) are the block of every cell. Were the noise all, the blocks' scores would spread by
     their information: tr(C S) = tr(C I) with the posterior's covariance C.
     """
-    tempering = optimum.problem.tempering
     if not blocks:
         return 1.0
-    cells = sum(w.counted for w in optimum.weights.weights)
-    if tempering == 1.0 and misfit_root(optimum.chi2, cells) == 0.0:
+    tempering = optimum.problem.tempering
+    if tempering == 1.0 and misfit_root(optimum.chi2, optimum.weights.counted) == 0.0:
         return 1.0
     found, covariance = by_block(optimum, *blocks), inverse(optimum.joint)
     scores = found.centred()
