@@ -44,9 +44,8 @@ def separate_colours(
 
     row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
     (x0, y0), step = picture.origin_px, picture.step_px
-    values = at_one_place(image) - np.asarray(
-        fit.colours["pedestal"], np.float32
-    )  # an error of black turns dim colours
+    black = np.asarray(fit.colours["pedestal"], np.float32)  # its error turns dim colours
+    values = at_one_place(image, picture) - black
     seen: dict[str, Any] = {
         "variance": image.noise,
         "usable": usable_samples(image),

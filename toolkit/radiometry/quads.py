@@ -39,15 +39,14 @@ def quads(image: LinearImage) -> Quads:
     return Quads(values=values, flags=flags, origin_px=origin, step_px=first.step_px)
 
 
-def at_one_place(image: LinearImage) -> NDArray[np.float32]:
-    """The image as RGB (h, w, 3) as `quads`, each sample moved to the middle of its quad by the slope around it.
+def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
+    """The image's own quads (h, w, 3), each sample moved to the middle of its quad by the slope around it.
 
     A quad's red and blue lie half a pixel to either side of its middle: where brightness changes from quad to quad
     their ratio is not the surface's, and the colours of a small ball tilt by a degree. The slope is that of the plane
     through the 3 x 3 samples of the channel around, which adds 1/50 to the noise of red and blue and leaves
     neighbours nearly independent; a sample with a flagged one among those stays where it is.
     """
-    picture = quads(image)
     moved = picture.values.copy()
     for channel in range(3):
         own = [plane for plane in image.planes if plane.channel == channel]
