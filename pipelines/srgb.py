@@ -33,7 +33,7 @@ from .files import chart_file
 if TYPE_CHECKING:
     from .settings import Settings
 
-REFLECTANCES = ("diffuse_albedo", "specular_albedo", "specular_strength", "specular_f0")
+REFLECTANCES = ("diffuse_albedo", "reflectance_factor", "specular_albedo", "specular_strength", "specular_f0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -289,7 +289,7 @@ class Fit:
     """One model fitted to one photograph, or to several of one material: then `scene` is the first one's.
 
     `shape` holds the non-linear numbers at the mode by name, `colours` the linear ones by name, (3,) each:
-    "diffuse_albedo", "pedestal", and "specular_albedo", or "specular_strength" and "specular_f0".
+    "diffuse_albedo", "reflectance_factor", "pedestal", and "specular_albedo", or "specular_strength" and "specular_f0".
     `draws` are posterior draws by parameter name, (chains, draws) or (chains, draws, 3).
     """
 

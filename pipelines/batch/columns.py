@@ -68,6 +68,7 @@ FIXED = (
 )
 MEANING = {
     "diffuse_albedo": "share of the light that the body scatters back",
+    "reflectance_factor": "the body beside a perfect white diffuser, lit at 45 deg, seen at 0 deg",
     "specular_albedo": "the highlight's peak per unit of irradiance",
     "specular_strength": "share of the light mirrored where the highlight stands",
     "specular_f0": "share mirrored along the normal",

@@ -19,6 +19,8 @@ from .text import clean
 
 COLOURS = {
     "diffuse_albedo": "share of the light that the body scatters back, by channel",
+    "reflectance_factor": "the body beside a perfect white diffuser, lit at 45°, seen at 0°: one quantity for all "
+    "diffuse models",
     "specular_strength": "share of the light mirrored where the highlight stands (Fresnel's factor times the scale)",
     "specular_f0": "share mirrored when light and view are both along the normal",
     "specular_albedo": "the highlight's peak per unit of irradiance",

@@ -112,9 +112,14 @@ def _quality(fit: Fit) -> str:
     return f"chi2/dof {fit.chi2_reduced:.3f}{sampled}"
 
 
+def _told(fit: Fit) -> list[Estimate]:
+    """The parameters, without the reflectance factor where it is the albedo once more."""
+    return [p for p in fit.parameters if p.name != "reflectance_factor" or fit.diffuse != "lambert"]
+
+
 def _parameters(fit: Fit) -> Table:
     table = _table("parameter", "", "estimate ± sd", "90 % interval", "unit")
-    for parameter in fit.parameters:
+    for parameter in _told(fit):
         for row in _rows(parameter):
             table.add_row(*map(_text, row))
     return table
@@ -124,7 +129,7 @@ def _colours(report: MaterialReport, fit: Fit) -> Iterator[Text]:
     """The reflectances in linear sRGB, each with its swatch where the scale is known."""
     from rich.text import Text
 
-    seen = [(p.name, srgb) for p in fit.parameters if (srgb := srgb_of(report, fit, p)) is not None]
+    seen = [(p.name, srgb) for p in _told(fit) if (srgb := srgb_of(report, fit, p)) is not None]
     if not seen or report.colour is None:
         return
     yield Text(f"\nlinear sRGB, {HOW[report.colour.source]}{_error(report.colour)}")

@@ -111,4 +111,7 @@ def test_every_flag_that_the_documents_name_exists() -> None:
     known = {str(flag) for flag in Flag}
     keys = {key for keys in _tables().values() for key in keys} | {"sd_statistical", "fit_material"}
     unknown = {word for word in words if word not in known | keys and not re.search(r"_(px|deg|rad|sd|index)$", word)}
-    assert unknown - {"diffuse_albedo", "specular_albedo", "specular_strength", "specular_f0"} == set()
+    assert (
+        unknown - {"diffuse_albedo", "reflectance_factor", "specular_albedo", "specular_strength", "specular_f0"}
+        == set()
+    )

@@ -16,6 +16,8 @@ from .normal import inverse
 from .problem import Optimum
 
 DECIDED_SD = 2.0  # a model is preferred where its lead exceeds its own sd this many times
+EQUAL_SD = 1.0  # up to a lead of so many of its sds the simpler model is as good (Breiman et al. 1984)
+LEAST_LEAD = 4.0  # nats: a smaller lead decides nothing, its own sd is not to be relied on (Sivula et al. 2020)
 
 
 def elpd_blocks(optimum: Optimum, blocks: Blocks) -> Floats:
@@ -56,14 +58,18 @@ def difference(a: Fit, b: Fit) -> tuple[float, float]:
 def rank(fits: tuple[Fit, ...]) -> tuple[int, int | None, tuple[float, float] | None]:
     """The best fit, the preferred one (None where the data do not decide), and the best one's lead with its sd.
 
-    Of the fits whose prediction is not decidedly worse than the best prediction, the one with the fewest shape
-    numbers is the best: what an extra number does not earn it does not get. It is preferred where all others among
-    them only extend it by another diffuse lobe.
+    Of the fits that predict as well as the best prediction, to the sd of its lead, the one with the fewest shape
+    numbers is the best: what an extra number does not earn it does not get. It is preferred where all others that are
+    not decidedly worse only extend it by another diffuse lobe.
     """
     order = sorted(range(len(fits)), key=lambda i: -fits[i].elpd)
-    leads = {i: difference(fits[order[0]], fits[i]) for i in order[1:]}
-    rivals = [order[0], *(i for i, (lead, sd) in leads.items() if lead <= DECIDED_SD * sd)]
-    best = min(rivals, key=lambda i: (len(fits[i].shape), -fits[i].elpd))
+    leads = {i: difference(fits[order[0]], fits[i]) for i in order}
+
+    def within(sds: float) -> list[int]:
+        return [i for i, (lead, sd) in leads.items() if i == order[0] or lead <= max(sds * sd, LEAST_LEAD)]
+
+    best = min(within(EQUAL_SD), key=lambda i: (len(fits[i].shape), -fits[i].elpd))
+    rivals = within(DECIDED_SD)
     extensions = all(
         fits[i].model == fits[best].model and len(fits[i].shape) > len(fits[best].shape) for i in rivals if i != best
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from toolkit.flags import Flag
 from toolkit.records import Estimate, Floats
+from toolkit.reflectance.factor import reflectance_factor
 from toolkit.reflectance.fresnel import reflectance
 
 from .model import mirror_cosine
@@ -22,7 +23,12 @@ POOR_CHI2 = 1.5  # of the cells' means, which hold some ten to a hundred samples
 POOR_RESIDUAL = 0.002  # of the signal: below, a misfit shows only since the photograph is so free of noise
 DIELECTRIC_F0 = 0.2  # diamond's is 0.17: above, it is a metal and Schlick's form is as good as any
 SCHLICK_IS_GOOD = 0.02  # relative difference from the exact form that is never told
-REFLECTED = {"diffuse_albedo", "specular_albedo", "specular_strength"}  # what the irradiance divides
+REFLECTED = {
+    "diffuse_albedo",
+    "reflectance_factor",
+    "specular_albedo",
+    "specular_strength",
+}  # what the irradiance divides
 IRRADIANCE_STREAM = 1  # of the seed: draws independent of the sampler's
 DETECTED_SD = 3.0  # sds by which a specular strength must stand above nothing
 
@@ -38,7 +44,9 @@ def named_draws(optimum: Optimum, u: Floats, x: Floats) -> dict[str, Floats]:
     result: dict[str, Floats] = {
         p.name: np.exp(u[:, d]) if p.log else u[:, d] for d, p in enumerate(problem.model.parameters)
     }
-    result["diffuse_albedo"] = problem.layout.of("diffuse_albedo", x)
+    albedo = problem.layout.of("diffuse_albedo", x)
+    factor = reflectance_factor(problem.model.diffuse, tuple(result[p.name] for p in problem.model.diffuse.parameters))
+    result["diffuse_albedo"], result["reflectance_factor"] = albedo, albedo * factor[..., None]
     result.update(_specular_draws(optimum, x))
     result.update({name: problem.layout.of(name, x) for name in _pedestals(optimum)})
     return result
@@ -179,6 +187,7 @@ def _prior_sds(optimum: Optimum) -> dict[str, Floats]:
         | pedestals
         | {
             "diffuse_albedo": colour,
+            "reflectance_factor": colour,
             "specular_albedo": colour,
             "specular_strength": colour,
             "specular_f0": np.full(3, UNIFORM_SD),
