@@ -64,7 +64,9 @@ def radiance_of(
 def photograph(radiance: Floats, *, seed: int, noise: Noise = NOISE, mosaic: bool = True) -> LinearImage:
     """A photograph of the radiance with shot and read noise, as a Bayer mosaic or as three planes."""
     rng = np.random.default_rng(seed)
-    signal = radiance + rng.standard_normal(radiance.shape) * np.sqrt(noise.gain * radiance + noise.read**2)
+    signal = radiance + rng.standard_normal(radiance.shape) * np.sqrt(
+        noise.gain * np.maximum(radiance, 0.0) + noise.read**2
+    )
     places = ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)) if mosaic else ((0, 0, 0), (0, 0, 1), (0, 0, 2))
     step = 2 if mosaic else 1
     planes = []

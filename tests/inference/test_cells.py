@@ -11,9 +11,10 @@ from toolkit.flags import SampleFlag
 from toolkit.inference import gather as module
 from toolkit.inference.cells import Cells
 from toolkit.inference.fit import fit
-from toolkit.inference.gather import gather
+from toolkit.inference.gather import NEARNESS_SD, gather
 from toolkit.inference.infer import gather_for
 from toolkit.inference.model import Model, lit_by
+from toolkit.inference.moved_light import moved
 from toolkit.inference.normal import inverse
 from toolkit.inference.problem import Optimum, pose
 from toolkit.records import LinearImage, Plane, Scene
@@ -51,6 +52,18 @@ def test_the_nodes_predict_mean_and_slopes_of_the_samples(mosaic: bool) -> None:
         error = np.abs(predicted - data.value)[data.count > 0] / radiance.max()
         assert error[: data.cells].max() < 1e-5
         assert error[data.cells :].max() < 4e-5
+
+
+def test_no_cell_is_in_shadow_if_the_light_is_nearer_than_told() -> None:
+    """Two sds nearer and two sds aside, a light that is told as far shines on less of the ball."""
+    radiance, scene = radiance_of(200, light_deg=65.0)
+    light = scene.lights[0].model_copy(update={"direction_sd_deg": 0.8})
+    told = replace(scene, lights=(light,))
+    cells = gather_for(photograph(radiance, seed=0), told)
+    for aside in (-1.0, 1.0):
+        turn_rad = (2.0 * aside * np.radians(0.8), 0.0)
+        there = replace(told, lights=(moved(light, turn_rad=turn_rad, nearer_per_radius=2.0 * NEARNESS_SD),))
+        assert lit_by(there, cells.x_px, cells.y_px)[0].cosines.n_dot_l.min() > 0.0
 
 
 def test_flagged_samples_take_no_part() -> None:

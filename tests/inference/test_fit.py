@@ -162,6 +162,16 @@ def test_a_small_ball_in_little_noise_settles(tmp_path: Path, number: int) -> No
     assert "not_converged" not in run_trial(hypercube(1050)[number], tmp_path)["flags"]
 
 
+@pytest.mark.parametrize("model", ["beckmann", "ggx"])
+@pytest.mark.parametrize("alpha", [0.9, 0.95])
+def test_a_lobe_at_the_end_of_its_range_is_found(model: str, alpha: float) -> None:
+    """Within an eighth of its range's end all shapes of the search but the last want no specular light at all."""
+    radiance, scene = radiance_of(110, model, light_deg=20.0, alpha=alpha)
+    image = photograph(radiance, seed=1)
+    optimum = fit(pose(Model.named(model), scene, gather_for(image, scene), NOISE))
+    assert np.exp(optimum.u[0]) == pytest.approx(alpha, rel=0.02)
+
+
 def _told(scene: Scene, wrong: str, amount: float) -> Scene:
     sphere = replace(scene.sphere, covariance_px2=np.eye(3))
     light = scene.lights[0].model_copy(update={"direction_sd_deg": 0.5})

@@ -120,6 +120,7 @@ def test_the_chance_of_even_ranks_is_even() -> None:
     assert kstest(chances, "uniform").pvalue > 0.01
     assert uniform_p(norm.cdf(rng.standard_normal(150) / 0.7)) < 1e-3
     assert uniform_p(norm.cdf(rng.standard_normal(150) + 0.5)) < 1e-3
+    assert 0.0 < uniform_p(norm.cdf(rng.standard_normal(150) + 0.4)) < 1e-4  # no simulation's end
     assert covered(np.array([0.04, 0.06, 0.5, 0.96])) == {0.5: 0.25, 0.68: 0.25, 0.9: 0.5, 0.95: 1.0}
 
 

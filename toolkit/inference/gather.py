@@ -27,6 +27,7 @@ MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncerta
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
 LIMB_MARGIN_PX = 2.0  # the camera's blur mixes the background into what lies closer to the outline
 DIRECTION_SD_DEG = 1.0  # of a light whose error was not stated
+NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 STEEPEST = 10.0  # of n.l over a step across the image, in radii, between a usable sample and its block's centre
 WARY_SDS = 3.0  # of the calibration, by which limb and terminator may lie elsewhere
 
@@ -145,7 +146,7 @@ def _wary(scene: Scene) -> _Wary:
     rim = 1.0 - LIMB_MARGIN_PX / scene.sphere.radius_px - WARY_SDS * place
     return _Wary(
         furthest=float(min(rim, np.sqrt(1.0 - MIN_N_DOT_V**2))),
-        dark=tuple(max(MIN_N_DOT_L, WARY_SDS * (direction_sd_rad(light) + place)) for light in scene.lights),
+        dark=tuple(max(MIN_N_DOT_L, WARY_SDS * (_terminator_sd_rad(light) + place)) for light in scene.lights),
     )
 
 
@@ -180,6 +181,11 @@ def _place_sd_px(scene: Scene) -> float:
     """Sd of the outline's place where it is largest."""
     covariance = np.asarray(scene.sphere.covariance_px2)
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance[:2, :2])[-1] + covariance[2, 2], 0.0)))
+
+
+def _terminator_sd_rad(light: Light) -> float:
+    """How well it is known where the light's rays graze the sphere: a nearer light is gone sooner."""
+    return float(np.hypot(direction_sd_rad(light), NEARNESS_SD))
 
 
 def direction_sd_rad(light: Light) -> float:

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
-from .gather import direction_sd_rad
+from .gather import NEARNESS_SD, direction_sd_rad
 from .moved_light import moved
 from .problem import Optimum
 
@@ -23,7 +23,6 @@ SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photogra
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
 BLUR = "camera.blur_px2"
 SIZE_SD, BLUR_SD = 0.2, 0.4  # of a light's stated angular radius; of the stated second moment of a blur
-NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light called directional, or error of a point's
 DOUBTED_SDS = 4.0  # of its prior, by which a shift says that the calibration was wrong
 
 

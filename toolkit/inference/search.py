@@ -13,7 +13,7 @@ from .normal import Weighing, bounded, equations, sums_of
 from .problem import Optimum, Problem, pose_views, weights_at
 from .refine import refine
 
-GRID = 14  # shapes tried along a single shape number before the descent begins
+GRID = 16  # shapes tried along a single shape number, its range's ends among them, before the descent begins
 DESCENTS = 3  # how many of them are descended from
 MOST_MINIMA = 2  # how many of the optima found are gone on with
 SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
@@ -79,7 +79,7 @@ def _grid(model: Model) -> list[Floats]:
     """Shapes spread over the box: evenly along a single number, else the products of the lobes' own starts."""
     low, high = model.bounds()
     if len(low) == 1:
-        return [np.array([v]) for v in np.linspace(low[0], high[0], GRID + 2)[1:-1]]
+        return [np.array([v]) for v in np.linspace(low[0], high[0], GRID)]
     starts = [[np.log(s) if p.log else s for s in p.starts] for p in model.parameters]
     return [np.array(point) for point in product(*starts)]
 
