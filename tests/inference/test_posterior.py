@@ -13,7 +13,7 @@ from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose
-from toolkit.inference.surrogate import NODES, surrogate_of
+from toolkit.inference.surrogate import NODES, _exact, surrogate_of
 from toolkit.records import Floats, Noise
 from toolkit.reflectance import LOBES
 
@@ -56,13 +56,25 @@ def test_a_chain_at_odds_is_not_silent(optimum: Optimum) -> None:
 
 def test_the_surrogate_is_the_exact_density(optimum: Optimum) -> None:
     """Within its reach the interpolated log density is the exact one."""
-    from toolkit.inference.surrogate import _exact
-
     surrogate = surrogate_of(optimum)
     for u in np.linspace(surrogate.low, surrogate.high, 11)[2:-2]:
         density, mean, _ = _exact(optimum, u)
         assert surrogate.log_density(u[None])[0] == pytest.approx(density, abs=0.02)
         assert surrogate.conditional(u[None])[0][0] == pytest.approx(mean, rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.parametrize(("model", "diffuse"), [("ggx", "oren-nayar"), ("beckmann", "wolff"), ("gtr", "lambert")])
+def test_two_shape_numbers_are_solved_for_as_each_shape_alone_is(model: str, diffuse: str) -> None:
+    """On the grid, where lobes are shared, densities and means are those of every shape's own normal equations."""
+    found = _optimum(model=model, diffuse=diffuse)
+    surrogate = surrogate_of(found)
+    inside = np.random.default_rng(4).uniform(0.3, 0.7, (12, 2))
+    for u in surrogate.low + inside * (surrogate.high - surrogate.low):
+        density, mean, precision = _exact(found, u)
+        means, factors = surrogate.conditional(u[None])
+        assert surrogate.log_density(u[None])[0] == pytest.approx(density, abs=0.02)
+        assert means[0] == pytest.approx(mean, rel=1e-3, abs=1e-6)
+        assert factors[0] @ factors[0].T == pytest.approx(np.linalg.inv(precision), rel=1e-2, abs=1e-9)
 
 
 def test_the_same_seed_gives_the_same_draws(optimum: Optimum) -> None:
@@ -103,8 +115,6 @@ def test_split_r_hat_tells_chains_that_disagree() -> None:
 
 
 def _quadrature(optimum: Optimum) -> tuple[float, float]:
-    from toolkit.inference.surrogate import _exact
-
     sd = float(np.sqrt(np.linalg.inv(optimum.joint)[-1, -1]))
     u: Floats = optimum.u[0] + sd * np.linspace(-6, 6, 121)
     weight = np.exp([_exact(optimum, np.array([v]))[0] for v in u])

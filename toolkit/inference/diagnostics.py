@@ -6,16 +6,24 @@ import numpy as np
 
 from toolkit.records import Floats
 
+WINDOW = 5.0  # autocorrelation times that the sum over lags goes on for
+
 
 def autocorrelation_time(chain: Floats) -> float:
     """Longest integrated autocorrelation time over the parameters of a chain (steps, walkers, parameters).
 
-    emcee's estimator (Goodman & Weare 2010, Sokal's window), whatever the length: the caller compares it with the
-    number of steps.
+    Over the walkers' mean autocovariance with Sokal's window (Goodman & Weare 2010, CAMCoS 5), as emcee's own; but
+    about the mean of all walkers. About each walker's own, times of a chain of 50 of them are told a fifth too short,
+    and walkers that never leave their places seem to mix.
     """
-    from emcee.autocorr import integrated_time
-
-    return float(np.max(integrated_time(chain, tol=0, quiet=True)))
+    steps = len(chain)
+    away = chain - chain.mean(axis=(0, 1))
+    power = np.abs(np.fft.rfft(away, 2 * steps, axis=0)) ** 2
+    covariance = np.fft.irfft(power.mean(axis=1), axis=0)[:steps] / np.arange(steps, 0, -1)[:, None]
+    times = 2.0 * np.cumsum(covariance / covariance[0], axis=0) - 1.0
+    short = np.arange(steps)[:, None] < WINDOW * times
+    last = np.where(short.all(axis=0), steps - 1, np.argmin(short, axis=0))
+    return float(np.max(np.take_along_axis(times, last[None], axis=0)))
 
 
 def split_r_hat(chains: Floats) -> float:

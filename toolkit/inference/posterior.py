@@ -13,6 +13,7 @@ from toolkit.records import Diagnostics, Floats
 from .diagnostics import autocorrelation_time, split_r_hat
 from .normal import inverse
 from .problem import Optimum
+from .proposal import GridProposal
 from .surrogate import Surrogate, surrogate_of
 
 WALKERS = 128
@@ -22,7 +23,7 @@ MOST_STEPS = 20_000
 MOST_R_HAT = 1.1  # of a chain to be believed
 MOST_QUADRATURE_ERROR = 0.05  # sds
 GRID = 2001  # places of the quadrature
-BLOCK = 50  # steps between two looks at the chain
+FIRST = 20  # steps that are thrown away, and the least between two looks at the chain
 
 Progress = Callable[[str, float], None]
 
@@ -74,28 +75,18 @@ def _walk(
     import emcee
 
     dimensions = len(optimum.u)
-    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint))[-dimensions:], 1e-24))
-    inside = (surrogate.high - surrogate.low) * 0.01
-    begin = np.clip(
-        optimum.u + sd * rng.standard_normal((WALKERS, dimensions)), surrogate.low + inside, surrogate.high - inside
-    )
-    begin = begin + 1e-3 * inside * rng.standard_normal(begin.shape)
     sampler = emcee.EnsembleSampler(
-        WALKERS,
-        dimensions,
-        surrogate.log_density,
-        vectorize=True,
-        moves=_moves(dimensions),
+        WALKERS, dimensions, surrogate.log_density, vectorize=True, moves=_moves(surrogate, dimensions)
     )
-    state = emcee.State(begin, random_state=np.random.RandomState(seed).get_state())
-    state = sampler.run_mcmc(state, BLOCK)
+    begin = _around_mode(optimum, surrogate, rng)
+    state = sampler.run_mcmc(emcee.State(begin, random_state=np.random.RandomState(seed).get_state()), FIRST)
     sampler.reset()
-    tau, enough = np.inf, False
-    while not enough and sampler.iteration < MOST_STEPS:
-        state = sampler.run_mcmc(state, BLOCK if sampler.iteration else 3 * BLOCK)
-        tau = max(autocorrelation_time(sampler.get_chain()[:, ::4]), 1.0)
+    tau, wanted = 1.0, max(float(LENGTHS), effective / WALKERS)
+    while sampler.iteration < min(wanted, MOST_STEPS):
+        done = sampler.iteration
+        state = sampler.run_mcmc(state, int(np.ceil(min(wanted - done, max(FIRST, done / 2), MOST_STEPS - done))))
+        tau = max(autocorrelation_time(sampler.get_chain()), 1.0)
         wanted = max(LENGTHS * tau, effective * tau / WALKERS)
-        enough = sampler.iteration >= wanted
         if progress is not None:
             progress("posterior", min(sampler.iteration / wanted, 1.0))
     chain = sampler.get_chain()
@@ -109,7 +100,17 @@ def _walk(
         seed=seed,
         quadrature_error=_quadrature_error(surrogate, flat[:, 0]) if dimensions == 1 else None,
     )
-    return flat, diagnostics, enough and converged(diagnostics)
+    return flat, diagnostics, sampler.iteration >= wanted and converged(diagnostics)
+
+
+def _around_mode(optimum: Optimum, surrogate: Surrogate, rng: np.random.Generator) -> Floats:
+    """Places for the walkers to begin at, spread by the mode's own sds, within the surrogate's box."""
+    dimensions = len(optimum.u)
+    sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint))[-dimensions:], 1e-24))
+    inside = (surrogate.high - surrogate.low) * 0.01
+    spread = optimum.u + sd * rng.standard_normal((WALKERS, dimensions))
+    within = np.clip(spread, surrogate.low + inside, surrogate.high - inside)
+    return np.asarray(within + 1e-3 * inside * rng.standard_normal(spread.shape))
 
 
 def converged(found: Diagnostics) -> bool:
@@ -128,13 +129,14 @@ def _quadrature_error(surrogate: Surrogate, chain: Floats) -> float:
     return max(abs(float(chain.mean()) - mean) / sd, abs(float(chain.std()) / sd - 1.0))
 
 
-def _moves(dimensions: int) -> list[tuple[Any, float]]:
-    """Differential evolution and stretches; in several dimensions, where these mix slowly, a kernel density's, too."""
+def _moves(surrogate: Surrogate, dimensions: int) -> list[tuple[Any, float]]:
+    """Proposals from the density on a grid, which forget where a walker stood; and differential evolution and
+    stretches, to which that grid means nothing.
+    """
     import emcee
 
-    if dimensions == 1:
-        return [(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)]
-    return [(emcee.moves.KDEMove(), 0.5), (emcee.moves.DEMove(), 0.3), (emcee.moves.StretchMove(), 0.2)]
+    anywhere = emcee.moves.MHMove(GridProposal.of(surrogate), ndim=dimensions)
+    return [(anywhere, 0.7), (emcee.moves.DEMove(), 0.2), (emcee.moves.StretchMove(), 0.1)]
 
 
 def _groups(chain: Floats) -> Floats:
