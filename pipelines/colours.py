@@ -104,10 +104,10 @@ def usable_samples(image: LinearImage) -> NDArray[np.bool_]:
     """Per pixel or quad and channel, whether no sample is flagged (h, w, 3)."""
     height = min(plane.values.shape[0] for plane in image.planes)
     width = min(plane.values.shape[1] for plane in image.planes)
-    usable = np.ones((height, width, 3), bool)
+    usable = np.ones((3, height, width), bool)
     for plane in image.planes:
-        usable[..., plane.channel] &= plane.flags[:height, :width] == 0
-    return usable
+        usable[plane.channel] &= plane.flags[:height, :width] == 0
+    return np.moveaxis(usable, 0, -1)
 
 
 def layers_of_fit(image: LinearImage, picture: Quads, fit: Fit) -> ModelLayers:

@@ -59,12 +59,14 @@ def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | Non
     Plain is what noise does not explain, nor a slight turn of the body's colour: that shifts light between the layers
     by the turn over the sine of the angle between body and light.
     """
-    light = np.asarray(colours.light_colour, float)
-    by_colour, by_shape = (np.asarray(layer, float) @ light for layer in (colours.specular, layers.specular))
-    variance, body = np.asarray(colours.covariance[..., 2], float), np.linalg.norm(layers.diffuse, axis=-1)
-    both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & layers.used.all(axis=-1)
-    parts = (by_colour - by_shape, variance, by_shape, body, np.ones(both.shape))
-    apart, noise, shown, matte, count = (_blocks(np.where(both, layer, 0.0)) for layer in parts)
+    light = np.asarray(colours.light_colour, np.float32)
+    used = layers.used[..., 0] & layers.used[..., 1] & layers.used[..., 2]
+    by_colour, by_shape = (_coefficient(layer, light) for layer in (colours.specular, layers.specular))
+    variance, body = colours.covariance[..., 2], np.sqrt(sum(layers.diffuse[..., c] ** 2 for c in range(3)))
+    both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & used
+    count = _blocks(both.astype(np.float32))
+    with np.errstate(invalid="ignore"):  # blocks that hold what is not finite do not count
+        apart, noise, shown, matte = (_blocks(part) for part in (by_colour - by_shape, variance, by_shape, body))
     full = count == BLOCK**2
     power = float(np.mean(shown[full] ** 2)) if full.any() else 0.0
     if power <= 0.0:
@@ -76,12 +78,16 @@ def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | Non
     return float(np.sqrt(max(beyond, 0.0) / power)), plain
 
 
+def _coefficient(layer: Floats, light: Floats) -> Floats:
+    """Of the light's unit colour in a layer (h, w, 3)."""
+    return np.asarray(layer[..., 0] * light[0] + layer[..., 1] * light[1] + layer[..., 2] * light[2])
+
+
 def _blocks(layer: Floats) -> Floats:
     """Sums over squares of BLOCK pixels: what a quad's channels see at different places cancels in them."""
-    height, width = (n // BLOCK for n in layer.shape)
-    return np.asarray(
-        layer[: height * BLOCK, : width * BLOCK].reshape(height, BLOCK, width, BLOCK).sum(axis=(1, 3)), float
-    )
+    height, width = (n // BLOCK * BLOCK for n in layer.shape)
+    lines = layer[:height, :width].reshape(-1, BLOCK, width).sum(axis=1)
+    return np.asarray(lines.reshape(len(lines), -1, BLOCK).sum(axis=2), float)
 
 
 def _inner(ball: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from toolkit.reflectance.lobe import LOBES
 
 from .model import TYPICAL_F0, Lit, lit_by, mirror_cosine
 
-CHUNK = 1 << 18  # samples predicted at a time, so that memory stays flat
+CHUNK = 1 << 15  # samples predicted at a time, so that what lies between a lobe's passes stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,35 +33,40 @@ class Prediction:
 
 def predict(fit: Fit, x_px: Floats, y_px: Floats) -> Prediction:
     """Predict radiance at pixel coordinates (N,) of the sphere; zero in shadow."""
-    parts = [_predict(fit, x_px[i : i + CHUNK], y_px[i : i + CHUNK]) for i in range(0, max(len(x_px), 1), CHUNK)]
-    return Prediction(
-        diffuse=np.concatenate([d for d, _ in parts]),
-        specular=np.concatenate([s for _, s in parts]),
-        pedestal=np.asarray(fit.colours["pedestal"]),
-    )
+    diffuse, specular, middle = *np.empty((2, 3, len(x_px))), mirror_cosine(fit.scene, fit.scene.lights[0])
+    for start in range(0, len(x_px), CHUNK):
+        part = slice(start, start + CHUNK)
+        diffuse[:, part], specular[:, part] = _predict(fit, x_px[part], y_px[part], middle)
+    return Prediction(diffuse=diffuse.T, specular=specular.T, pedestal=np.asarray(fit.colours["pedestal"]))
 
 
-def _predict(fit: Fit, x_px: Floats, y_px: Floats) -> tuple[Floats, Floats]:
+def _predict(fit: Fit, x_px: Floats, y_px: Floats, middle: float) -> tuple[Floats, Floats]:
+    """What the two lobes send, (3, N) each; `middle` as for `_specular_colour`."""
     body, gloss = LOBES[fit.diffuse], LOBES[fit.model]
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
-    diffuse, specular = np.zeros((len(x_px), 3)), np.zeros((len(x_px), 3))
+    diffuse, specular = np.zeros((2, 3, len(x_px)))
     for lit in lit_by(fit.scene, x_px, y_px, whole=gloss.sees_source):
-        irradiance = lit.falloff[:, None] * lit.colour
-        diffuse += irradiance * body.value(lit.cosines, numbers[1])[:, None] * fit.colours["diffuse_albedo"]
-        value = gloss.value(lit.cosines, numbers[0], fit.variant)[:, None]
-        specular += irradiance * value * specular_colour(fit, lit)
+        matte = lit.falloff * body.value(lit.cosines, numbers[1])
+        shine = lit.falloff * gloss.value(lit.cosines, numbers[0], fit.variant)
+        of_gloss = _specular_colour(fit, lit, middle)
+        for c in range(3):
+            diffuse[c] += lit.colour[c] * fit.colours["diffuse_albedo"][c] * matte
+            specular[c] += lit.colour[c] * of_gloss[c] * shine
     return diffuse, specular
 
 
-def specular_colour(fit: Fit, lit: Lit) -> Floats:
-    """The specular lobe's colour at each sample (N, 3): Fresnel's factor where the lobe has one."""
+def _specular_colour(fit: Fit, lit: Lit, middle: float) -> Floats:
+    """The specular lobe's colour at each sample (3, N), or (3, 1): Fresnel's factor where the lobe has one.
+
+    `middle` is the cosine of theta_d in the middle of the highlight, where the strength is told.
+    """
     if "specular_albedo" in fit.colours:
-        return np.asarray(fit.colours["specular_albedo"])
-    f0 = np.nan_to_num(fit.colours["specular_f0"], nan=TYPICAL_F0)
-    choice = fit.variant.get("fresnel", "schlick")
-    reference = reflectance(np.array(mirror_cosine(fit.scene, fit.scene.lights[0])), f0, choice)
-    there = reflectance(lit.cosines.l_dot_h[:, None], f0, choice)
-    return np.asarray(fit.colours["specular_strength"] * there / np.maximum(reference, 1e-12))
+        return np.asarray(fit.colours["specular_albedo"])[:, None]
+    f0 = np.nan_to_num(fit.colours["specular_f0"], nan=TYPICAL_F0)[:, None]
+    choice, cosine = fit.variant.get("fresnel", "schlick"), lit.cosines.l_dot_h
+    there = reflectance(cosine if any(cosine.strides) else cosine[:1], f0, choice)  # a far light's is one for all
+    reference = reflectance(np.array(middle), f0, choice)
+    return np.asarray(fit.colours["specular_strength"][:, None] / np.maximum(reference, 1e-12) * there)
 
 
 def layers_of(
@@ -78,49 +83,58 @@ def layers_of(
     `places_px` (3, 2) is where each channel's samples lie about a pixel's own place: a mosaic's in its quad.
     """
     height, width = picture.shape[:2]
-    row, column = np.ogrid[:height, :width]
-    x, y = origin_px[0] + step_px * column, origin_px[1] + step_px * row
-    seen = on_sphere(fit.scene.camera, fit.scene.sphere, x, y)
-    row, column = np.nonzero(seen)
-    there = predict(fit, origin_px[0] + step_px * column, origin_px[1] + step_px * row)
-
-    def image(values: Floats) -> Floats:
-        layer = np.full((height, width, 3), np.nan, np.float32)
-        layer[seen] = values
-        return layer if places_px is None else _at_places(layer, places_px / step_px)
-
-    photograph = np.asarray(picture, np.float32)
-    diffuse, specular = image(there.diffuse), image(there.specular)
+    x, y = origin_px[0] + step_px * np.arange(width), origin_px[1] + step_px * np.arange(height)
+    seen = on_sphere(fit.scene.camera, fit.scene.sphere, x[None, :], y[:, None])
+    diffuse, specular = _pictures(fit, x, y, seen)
+    if places_px is not None:
+        for layer in (diffuse, specular):
+            _move_to(places_px / step_px, layer)
     if fit.scene.camera.blur_px2 > 0.0:
         specular = _blurred(specular, float(np.sqrt(fit.scene.camera.blur_px2)) / step_px)
-    model = diffuse + specular + np.asarray(there.pedestal, np.float32)
+    photograph, pedestal = np.asarray(picture, np.float32), np.asarray(fit.colours["pedestal"])
+    model = diffuse + specular
+    model += pedestal.astype(np.float32)[:, None, None]
     return ModelLayers(
         photograph=photograph,
-        diffuse=diffuse,
-        specular=specular,
-        model=model,
-        residual=photograph - model,
-        used=used & seen[..., None],
-        pedestal=np.array(there.pedestal),
+        diffuse=np.moveaxis(diffuse, 0, -1),
+        specular=np.moveaxis(specular, 0, -1),
+        model=np.moveaxis(model, 0, -1),
+        residual=np.moveaxis(np.moveaxis(photograph, -1, 0) - model, 0, -1),
+        used=np.moveaxis(np.moveaxis(used, -1, 0) & seen, 0, -1),
+        pedestal=pedestal.copy(),
         origin_px=origin_px,
         step_px=step_px,
     )
 
 
+def _pictures(fit: Fit, x: Floats, y: Floats, seen: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """The two layers (3, h, w), a few lines of the picture at a time; each channel lies together in memory."""
+    diffuse, specular = np.full((2, 3, *seen.shape), np.nan, np.float32)
+    lines, middle = max(CHUNK // seen.shape[1], 1), mirror_cosine(fit.scene, fit.scene.lights[0])
+    for start in range(0, len(y), lines):
+        part = slice(start, start + lines)
+        row, column = np.nonzero(seen[part])
+        for layer, values in zip((diffuse, specular), _predict(fit, x[column], y[part][row], middle), strict=True):
+            for channel, its in zip(layer, values, strict=True):
+                np.place(channel[part], seen[part], its.astype(np.float32))
+    return diffuse, specular
+
+
 def _blurred(layer: Floats, sd: float) -> Floats:
-    """The layer (h, w, 3) through a lens that blurs by `sd` pixels of it; what is off the sphere gives no light."""
+    """The layer (3, h, w) through a lens that blurs by `sd` pixels of it; what is off the sphere gives no light."""
     import cv2
 
-    dark = np.nan_to_num(layer)
-    return np.where(np.isfinite(layer), cv2.GaussianBlur(dark, (0, 0), sd), layer)
+    dark = [cv2.GaussianBlur(np.nan_to_num(channel), (0, 0), sd) for channel in layer]
+    return np.where(np.isfinite(layer), np.array(dark), layer)
 
 
-def _at_places(layer: Floats, places: Floats) -> Floats:
-    """The layer (h, w, 3) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
-    moved = layer.copy()
-    for channel, (dx, dy) in enumerate(places):
+def _move_to(places: Floats, layer: Floats) -> None:
+    """Move the layer (3, h, w) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
+    for channel, (dx, dy) in zip(layer, places.astype(np.float32), strict=True):
         if dx or dy:
-            down, right = np.gradient(layer[..., channel])
-            aside = layer[..., channel] + np.float32(dx) * right + np.float32(dy) * down
-            moved[..., channel] = np.where(np.isnan(aside), layer[..., channel], np.maximum(aside, 0))
-    return moved
+            aside = channel.copy()
+            for step, across, to in ((dx, channel.T, aside.T), (dy, channel, aside)):
+                to[1:-1] += (0.5 * step) * (across[2:] - across[:-2])
+                to[[0, -1]] += step * (across[[1, -1]] - across[[0, -2]])
+            np.maximum(aside, 0, out=aside)
+            np.copyto(channel, aside, where=~np.isnan(aside))

@@ -28,15 +28,15 @@ def quads(image: LinearImage) -> Quads:
     first = image.planes[0]
     height = min(plane.values.shape[0] for plane in image.planes)
     width = min(plane.values.shape[1] for plane in image.planes)
-    values = np.empty((height, width, 3), np.float32)
+    values = np.empty((3, height, width), np.float32)  # each channel lies together in memory
     flags = np.zeros((height, width), np.uint8)
     for channel in range(3):
-        values[..., channel] = _mean([p for p in image.planes if p.channel == channel], height, width)
+        values[channel] = _mean([p for p in image.planes if p.channel == channel], height, width)
     for plane in image.planes:
         flags |= plane.flags[:height, :width]
     shift = (first.step_px - 1) / 2
     origin = (first.origin_px[0] + shift, first.origin_px[1] + shift)
-    return Quads(values=values, flags=flags, origin_px=origin, step_px=first.step_px)
+    return Quads(values=np.moveaxis(values, 0, -1), flags=flags, origin_px=origin, step_px=first.step_px)
 
 
 def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
@@ -47,7 +47,7 @@ def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
     through the 3 x 3 samples of the channel around, which adds 1/50 to the noise of red and blue and leaves
     neighbours nearly independent; a sample with a flagged one among those stays where it is.
     """
-    moved = picture.values.copy()
+    moved = picture.values.copy(order="K")
     for channel in range(3):
         own = [plane for plane in image.planes if plane.channel == channel]
         x, y = np.mean([plane.origin_px for plane in own], axis=0)
@@ -63,12 +63,11 @@ def _step(values: NDArray[np.float32], clean: NDArray[np.bool_], dx: float, dy: 
     import cv2  # slow to import, and only a mosaic's colours need it
 
     rise, row = np.array([-0.5, 0.0, 0.5]), np.full(3, 1 / 3)
-    border = cv2.BORDER_REFLECT_101
+    slope = dx * np.outer(row, rise) + dy * np.outer(rise, row)
     filled = np.ascontiguousarray(np.where(clean, values, np.float32(0)))
-    right = cv2.sepFilter2D(filled, -1, rise, row, borderType=border)
-    down = cv2.sepFilter2D(filled, -1, row, rise, borderType=border)
+    change = cv2.filter2D(filled, -1, slope, borderType=cv2.BORDER_REFLECT_101)
     whole = cv2.erode(clean.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return np.where(whole, np.float32(dx) * right + np.float32(dy) * down, np.float32(0))
+    return np.where(whole, change, np.float32(0))
 
 
 def _mean(planes: list[Plane], height: int, width: int) -> NDArray[np.float32]:

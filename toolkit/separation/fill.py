@@ -27,7 +27,9 @@ def fill(picture: Samples, layers: Layers, body: Floats, light: Floats) -> Layer
         return layers
     box = _around(holes)
     part = _hole_rows(picture, layers, body, light, holes, box)
-    diffuse, specular, covariance = layers.diffuse.copy(), layers.specular.copy(), layers.covariance.copy()
+    diffuse, specular, covariance = (
+        each.copy(order="K") for each in (layers.diffuse, layers.specular, layers.covariance)
+    )
     a, s, spread = part
     diffuse[holes], specular[holes], covariance[holes] = a[:, None] * body, s[:, None] * light, spread
     return Layers(diffuse=diffuse, specular=specular, covariance=covariance, residual=layers.residual)

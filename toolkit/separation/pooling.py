@@ -92,7 +92,7 @@ def _layer(coefficient: Floats, colour: Floats, off: Mask) -> Floats:
 def _systematic(layers: ColourLayers, a: Floats, s: Floats) -> Floats:
     """What the two colours' own errors put into each covariance (h, w, 3): pooling leaves it as it is."""
     share = colour_share(
-        layers.body_colour, layers.light_colour, np.ones((1, 3)), layers.body_covariance, layers.light_covariance
+        layers.body_colour, layers.light_colour, np.ones((3, 1)), layers.body_covariance, layers.light_covariance
     )
     return np.stack([a * a, s * s], axis=-1) @ share
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats, readonly
 
 from .samples import Mask, Samples
 
-CHUNK = 8192  # pixels at a time: their temporary arrays stay in the processor's cache
+CHUNK = 8192  # pixels at a time: their temporary arrays, in float64, stay in the processor's cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,27 +50,33 @@ def project(
 ) -> Layers:
     """Layers of every pixel; the colours' own covariances (3, 3) are carried into theirs."""
     shape = picture.on_sphere.shape
-    values, usable = picture.values.reshape(-1, 3), picture.usable.reshape(-1, 3)
-    variance = picture.variance.reshape(-1, 3)
+    values, usable, variance = (_channels(each) for each in (picture.values, picture.usable, picture.variance))
+    count, each = values.shape[1], variance.shape[1] > 1
     shared = colour_share(body, light, variance, body_covariance, light_covariance)
-    diffuse, specular, covariance = np.empty((3, len(values), 3), np.float32)
-    residual = np.empty(len(values), np.float32)
-    even = len(variance) == 1 and float(body @ light) < 1 - 1e-12
-    for start in range(0, len(values), CHUNK):
-        rows = slice(start, start + CHUNK)
-        noise = variance if len(variance) == 1 else variance[rows]
-        solve = _alike if even and _all_or_none(usable[rows]) else _rows
-        a, s, spread, residual[rows] = solve(values[rows], usable[rows], noise, body, light)
-        for c in range(3):  # channel by channel: numpy is slow along a last axis of three
-            np.multiply(a, body[c], out=diffuse[rows, c], casting="same_kind")
-            np.multiply(s, light[c], out=specular[rows, c], casting="same_kind")
-            covariance[rows, c] = spread[c] + a * a * shared[0, c] + s * s * shared[1, c]
+    diffuse, specular, covariance = np.empty((3, 3, count), np.float32)
+    residual = np.empty(count, np.float32)
+    even = not each and float(body @ light) < 1 - 1e-12
+    for start in range(0, count, CHUNK):
+        part = slice(start, start + CHUNK)
+        noise = variance[:, part] if each else variance
+        solve = _alike if even and _all_or_none(usable[:, part]) else _each
+        a, s, spread, residual[part] = solve(values[:, part], usable[:, part], noise, body, light)
+        a2, s2 = a * a, s * s
+        for c in range(3):
+            np.multiply(a, body[c], out=diffuse[c, part], casting="same_kind")
+            np.multiply(s, light[c], out=specular[c, part], casting="same_kind")
+            covariance[c, part] = spread[c] + a2 * shared[0, c] + s2 * shared[1, c]
     return Layers(
-        diffuse=diffuse.reshape(*shape, 3),
-        specular=specular.reshape(*shape, 3),
-        covariance=covariance.reshape(*shape, 3),
+        diffuse=np.moveaxis(diffuse.reshape(3, *shape), 0, -1),
+        specular=np.moveaxis(specular.reshape(3, *shape), 0, -1),
+        covariance=np.moveaxis(covariance.reshape(3, *shape), 0, -1),
         residual=residual.reshape(shape),
     )
+
+
+def _channels(picture: NDArray[Any]) -> NDArray[Any]:
+    """A picture (h, w, 3), or one colour (3,), as (3, N)."""
+    return np.moveaxis(picture, -1, 0).reshape(3, -1)
 
 
 def unknown(picture: Samples) -> Layers:
@@ -80,38 +87,38 @@ def unknown(picture: Samples) -> Layers:
 
 
 def _all_or_none(usable: Mask) -> bool:
-    """Whether no pixel lacks some of its channels but not all."""
-    red = usable[:, 0]
-    return bool(np.array_equal(red, usable[:, 1]) and np.array_equal(red, usable[:, 2]))
+    """Whether no pixel lacks some of its channels (3, n) but not all."""
+    red = usable[0]
+    return bool(np.array_equal(red, usable[1]) and np.array_equal(red, usable[2]))
 
 
 def _alike(
     values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats
 ) -> tuple[Floats, Floats, Sequence[Any], Floats]:
     """Pixels of one variance with all channels, or none: one pseudo-inverse for all."""
-    weighted = np.stack([body, light]) / variance
+    weighted = np.stack([body, light]) / variance[:, 0]
     inverse = np.linalg.inv(weighted @ np.stack([body, light], axis=1))
-    a, s, residual = np.vstack([inverse @ weighted, _across(body, light)]) @ values.T
-    missing = ~usable[:, 0]
+    a, s, residual = np.vstack([inverse @ weighted, _across(body, light)]) @ values
+    missing = ~usable[0]
     if missing.any():
         for each in (a, s, residual):
             each[missing] = np.nan
     return a, s, (inverse[0, 0], inverse[0, 1], inverse[1, 1]), residual
 
 
-def _rows(
+def _each(
     values: Floats, usable: Mask, variance: Floats, body: Floats, light: Floats
 ) -> tuple[Floats, Floats, Sequence[Any], Floats]:
     """Two normal equations a pixel, solved in closed form: a, s, their (var, cov, var), the residual."""
-    weight = usable / variance
-    bb, bl, ll = np.stack([body * body, body * light, light * light]) @ weight.T
-    b, l = np.stack([body, light]) @ (weight * values).T  # noqa: E741  # beside bb, bl, ll the clearest name
-    seen = usable[:, 0].astype(np.intp) + usable[:, 1] + usable[:, 2]
+    weight = np.divide(usable, variance, dtype=float)
+    bb, bl, ll = np.stack([body * body, body * light, light * light]) @ weight
+    b, l = np.stack([body, light]) @ (weight * values)  # noqa: E741  # beside bb, bl, ll the clearest name
+    seen = usable[0].astype(np.intp) + usable[1] + usable[2]
     independent = bb * ll - bl * bl
     sound = (seen >= 2) & (independent > 1e-14 * bb * ll)  # below it rounding decides
     inverse = np.where(sound, 1.0, np.nan) / np.where(sound, independent, 1.0)
     bb, bl, ll = bb * inverse, bl * inverse, ll * inverse
-    residual = values @ _across(body, light)
+    residual = _across(body, light) @ values
     residual[seen < 3] = np.nan
     return ll * b - bl * l, bb * l - bl * b, (ll, -bl, bb), residual
 
@@ -125,9 +132,10 @@ def _across(body: Floats, light: Floats) -> Floats:
 def colour_share(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:
     """What uncertain colours add: (2, 3), by which (a^2, s^2) is multiplied to give var, cov, var.
 
-    (a, s) shifts by -G (a dbody + s dlight), with G (2, 3) the weighted pseudo-inverse of the two colours.
+    (a, s) shifts by -G (a dbody + s dlight), with G (2, 3) the pseudo-inverse of the two colours, weighted by the
+    samples' mean `variance` (3, n).
     """
-    typical = variance[:: max(len(variance) // 4096, 1)].mean(axis=0)
+    typical = variance[:, :: max(variance.shape[1] // 4096, 1)].mean(axis=1, dtype=float)
     pair = np.stack([body, light], axis=1)
     weighted = pair / typical[:, None]
     inverse = np.linalg.pinv(weighted.T @ pair) @ weighted.T

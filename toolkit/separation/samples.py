@@ -22,7 +22,10 @@ ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noi
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Samples:
-    """A picture ready to be separated. Samples that are not finite or off the sphere are 0, and not usable."""
+    """A picture ready to be separated. Samples that are not finite or off the sphere are 0, and not usable.
+
+    Each channel of an array lies together in memory: numpy is slow along a last axis of three.
+    """
 
     values: Floats  # (h, w, 3)
     variance: Floats  # (h, w, 3) or (3,)
@@ -68,10 +71,14 @@ def samples(
     if picture.ndim != 3 or picture.shape[2] != 3:
         raise BadInputError(f"picture has shape {picture.shape}; separation by colour needs (h, w, 3): a colour image")
     shape = picture.shape
-    on = _mask("on_sphere", on_sphere, shape[:2])
-    good = _mask("usable", usable, shape) & np.isfinite(picture) & on[..., None]
-    values = np.where(np.isfinite(picture) & on[..., None], picture, 0.0).astype(float, copy=False)
-    weight = (good[..., 0] & good[..., 1] & good[..., 2]).astype(float)  # all(axis=2) is ten times slower
+    on, told = _mask("on_sphere", on_sphere, shape[:2]), _mask("usable", usable, shape)
+    values, good = np.zeros((3, *shape[:2]), np.result_type(picture, np.float32)), np.empty((3, *shape[:2]), bool)
+    for c in range(3):
+        there = np.isfinite(picture[..., c]) & on
+        np.copyto(values[c], picture[..., c], where=there)
+        np.logical_and(there, told[..., c], out=good[c])
+    weight = (good[0] & good[1] & good[2]).astype(values.dtype)
+    values, good = np.moveaxis(values, 0, -1), np.moveaxis(good, 0, -1)
     if bloom is not None:
         weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
     _refuse_empty(values, weight)
@@ -81,7 +88,7 @@ def samples(
         values, noise = values / unit, noise / unit / unit
     return Samples(
         values=values,
-        variance=np.minimum(noise, LOUDEST) + ROUNDING**2 * _largest(values) ** 2,
+        variance=np.minimum(noise, LOUDEST) + noise.dtype.type(ROUNDING**2 * _largest(values) ** 2),
         usable=good,
         weight=weight,
         on_sphere=on,
@@ -105,7 +112,7 @@ def _mask(name: str, mask: Mask | None, shape: tuple[int, ...]) -> Mask:
     mask = np.asarray(mask)
     if mask.shape != shape:
         raise BadInputError(f"{name} has shape {mask.shape}; expected {shape}, as the picture")
-    return mask.astype(bool)
+    return mask.astype(bool, copy=False)
 
 
 def _refuse_empty(values: Floats, weight: Floats) -> None:
@@ -121,8 +128,10 @@ def _refuse_empty(values: Floats, weight: Floats) -> None:
 
 def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
     if isinstance(variance, Noise):
-        mean = local_mean(values, good)
-        return np.stack([variance.variance(mean[..., c], c) for c in range(3)], axis=-1)
+        found, mean = np.empty((3, *values.shape[:2]), values.dtype), local_mean(values, good)
+        for c in range(3):
+            found[c] = variance.variance(mean[..., c], c)
+        return np.moveaxis(found, 0, -1)
     found = np.asarray(variance, float)
     if found.shape not in ((3,), values.shape):
         raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
@@ -134,8 +143,12 @@ def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
 
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
     """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
-    count = _box(good.astype(float), radius)
-    return np.asarray(_box(np.where(good, values, 0.0), radius) / np.maximum(count, 1.0))
+    found = np.empty((3, *values.shape[:2]), values.dtype)
+    for c in range(3):
+        usable = np.ascontiguousarray(good[..., c])
+        total = _box(np.where(usable, values[..., c], values.dtype.type(0)), radius)
+        np.divide(total, np.maximum(_box(usable.astype(values.dtype), radius), 1.0), out=found[c])
+    return np.moveaxis(found, 0, -1)
 
 
 def _box(values: Floats, radius: int) -> Floats:
@@ -154,8 +167,9 @@ def block_size(picture: Samples, louder: float = 1.0) -> int:
     full = np.flatnonzero(picture.weight)
     count = len(full)
     some = full[:: max(count // 4096, 1)]
-    bright = float(np.quantile(picture.values.reshape(-1, 3)[some].max(axis=1), 0.98))
-    variance = picture.variance if picture.variance.ndim == 1 else picture.variance.reshape(-1, 3)[some]
+    row, column = np.unravel_index(some, picture.weight.shape)
+    bright = float(np.quantile(picture.values[row, column].max(axis=1), 0.98))
+    variance = picture.variance if picture.variance.ndim == 1 else picture.variance[row, column]
     noise = louder * float(np.sqrt(variance.mean()))
     for_time = np.ceil(np.sqrt(count / MOST_BLOCKS))
     for_noise = np.ceil(noise / max(WANTED_NOISE * bright, 1e-300))
@@ -165,30 +179,35 @@ def block_size(picture: Samples, louder: float = 1.0) -> int:
 def blocks(picture: Samples, size: int) -> Blocks:
     """Weighted means of squares of `size` pixels that hold at least a quarter of their pixels."""
     weight = picture.weight
-    h, w = weight.shape
-    y, x = np.arange(h, dtype=float)[:, None], np.arange(w, dtype=float)
-    plain = [_block_sums(each, size) for each in (weight, weight * x, weight * y)]
-    colour = _block_sums(weight[..., None] * picture.values, size)
-    if picture.variance.ndim == 3:
-        variance = _block_sums(weight[..., None] * picture.variance, size)  # weight w stands for a variance of v / w
+    x, y = (np.arange(n, dtype=weight.dtype) for n in weight.shape[::-1])
+    total = _block_sums(weight, size)
+    held = total >= 0.25 * size * size
+    total = total[held]
+
+    def means(layer: Floats) -> Floats:
+        return _block_sums(weight * layer, size)[held] / total
+
+    colour = np.stack([means(picture.values[..., c]) for c in range(3)], axis=-1)
+    if picture.variance.ndim == 3:  # weight w stands for a variance of v / w
+        variance = np.stack([means(picture.variance[..., c]) for c in range(3)], axis=-1)
     else:
-        variance = plain[0][:, None] * picture.variance
-    held = plain[0] >= 0.25 * size * size
-    total = plain[0][held]
+        variance = np.broadcast_to(picture.variance, colour.shape)
     return Blocks(
-        colour=colour[held] / total[:, None],
-        variance=variance[held] / total[:, None] ** 2,
-        x=plain[1][held] / total,
-        y=plain[2][held] / total,
+        colour=colour,
+        variance=variance / total[:, None],
+        x=means(x),
+        y=means(y[:, None]),
         weight=total,
         size=size,
     )
 
 
 def _block_sums(layer: Floats, size: int) -> Floats:
-    """Sums (n, ...) over squares of a layer (h, w, ...), the edges filled up with nothing."""
-    h, w = layer.shape[:2]
+    """Sums (n,) over squares of a layer (h, w), the edges filled up with nothing, in float64."""
     if size > 1:
-        layer = np.add.reduceat(layer, np.arange(0, h, size), axis=0)
-        layer = np.add.reduceat(layer, np.arange(0, w, size), axis=1)
-    return layer.reshape(-1, *layer.shape[2:])
+        h, w = layer.shape
+        filled = np.zeros((-(-h // size) * size, -(-w // size) * size), layer.dtype)
+        filled[:h, :w] = layer
+        lines = filled.reshape(-1, size, filled.shape[1]).sum(axis=1)
+        layer = lines.reshape(len(lines), -1, size).sum(axis=2)
+    return layer.ravel().astype(float)

@@ -65,8 +65,8 @@ def _blind(ready: Samples) -> bool:
 def _specular_error(found: Layers, light: Floats) -> float:
     """Relative rms error of the specular layer that its own covariance predicts."""
     some = slice(None, None, max(found.residual.size // 8192, 1))
-    variance = found.covariance.reshape(-1, 3)[some, 2].astype(float)
-    light_part = found.specular.reshape(-1, 3)[some] @ light
+    variance = found.covariance[..., 2].ravel()[some].astype(float)
+    light_part = np.stack([found.specular[..., c].ravel()[some] for c in range(3)], axis=-1) @ light
     sound = np.isfinite(variance) & np.isfinite(light_part)
     if not sound.any():
         return np.inf
