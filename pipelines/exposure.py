@@ -100,6 +100,8 @@ def _means(plane: Plane, rows: int, columns: int, side: int) -> Floats:
 
 def _check_usable(planes: list[Plane], name: str, scene: Scene) -> None:
     """Whether a channel's samples on the sphere are numbers below white."""
+    if not any(plane.flags.any() for plane in planes):
+        return
     flags = np.concatenate([_flags_on_sphere(plane, scene) for plane in planes])
     for kind, found, remedy in (
         (SampleFlag.CLIPPED, "clipped", "only the highlight's core clipped, if anything: expose shorter"),

@@ -7,6 +7,7 @@ file -> RawFrame -> LinearImage -> Scene -> Fits (with their posteriors) -> Colo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,13 +58,15 @@ def fit_jointly(
     seen = []
     for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
         mine = of_photograph(fits[best], v)
-        with clock.stage("separate"):
-            separation = separate_colours(
-                one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
-            )
-            colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+        with ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: the two pictures take two cores
+            drawn = beside.submit(layers_of_fit, one.image, picture, mine)
+            with clock.stage("separate"):
+                separation = separate_colours(
+                    one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
+                )
+                colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
         with clock.stage("layers"):
-            layers = layers_of_fit(one.image, picture, mine)
+            layers = drawn.result()
             agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
             full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
         seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))

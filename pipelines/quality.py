@@ -12,7 +12,7 @@ from toolkit.records import Fit, Floats, LinearImage, Photograph, Plane, Scene
 CLIPPED_SHARE = 0.01  # of the sphere's samples, from which the result says so
 CORE_RAD = 0.1  # about the half vector: where the highlight's core lies
 CORE_SHARE = 0.02  # of the core's samples
-THIN = 4  # one row and column in so many is enough to count the core's samples
+CORE_ROWS = 8.0  # of samples across the core's radius are enough to count its samples
 
 
 def quality_flags(seen: Photograph, best: Fit, preferred: int | None) -> tuple[str, ...]:
@@ -40,13 +40,15 @@ def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:
     """Share of clipped samples over the sphere and over the highlight's core; NaN where no core is in view."""
     core, core_clipped, sphere_clipped, samples = 0, 0, 0, 0.0
     for plane in image.planes:
-        row, column = np.nonzero((plane.flags & SampleFlag.CLIPPED) > 0)
+        clipped = np.flatnonzero(plane.flags & SampleFlag.CLIPPED)
+        row, column = np.unravel_index(clipped, plane.flags.shape)
         on_sphere, in_core = _where(scene, *_places(plane, row, column))
         sphere_clipped += int(on_sphere.sum())
         core_clipped += int(in_core.sum())
         samples += np.pi * (scene.sphere.radius_px / plane.step_px) ** 2
-        row, column = np.mgrid[: plane.flags.shape[0] : THIN, : plane.flags.shape[1] : THIN].reshape(2, -1)
-        core += THIN**2 * int(_where(scene, *_places(plane, row, column))[1].sum())
+        thin = max(int(CORE_RAD * scene.sphere.radius_px / plane.step_px / CORE_ROWS), 1)
+        row, column = np.mgrid[: plane.flags.shape[0] : thin, : plane.flags.shape[1] : thin].reshape(2, -1)
+        core += thin**2 * int(_where(scene, *_places(plane, row, column))[1].sum())
     return sphere_clipped / samples, core_clipped / core if core else float("nan")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 OWN = (".json", ".run.json", ".html", ".posterior.nc", ".layers.exr", ".settings.toml")
 NUMBERED = (".layers-*.exr", ".settings-*.toml")  # of a joint fit's photographs after the first
+TOGETHER = 2  # files: packing layers and draws leaves the interpreter to others
 Write = Callable[[Path], None]
 Subject = TypeVar("Subject")
 
@@ -45,7 +47,9 @@ def write_outputs(
     name = stem(report.image.name)
     writers = {**_writers(report, settings, others, page=page, exports=exports), **(beside or {})}
     with whole(out_dir, last=f"{name}.json") as draft:
-        seconds = {suffix: _timed(write, draft / f"{name}{suffix}") for suffix, write in writers.items()}
+        with ThreadPoolExecutor(TOGETHER) as pool:
+            taken = [pool.submit(_timed, write, draft / f"{name}{suffix}") for suffix, write in writers.items()]
+        seconds = {suffix: one.result() for suffix, one in zip(writers, taken, strict=True)}
         _write_run(draft / f"{name}.run.json", report, seconds)
     _remove_stale(out_dir, name, {*writers, ".run.json"})
     return out_dir / f"{name}.json"

@@ -30,9 +30,12 @@ class MovedLight:
         if self.nearness == 0.0:
             shape = np.shape(points)
             return np.broadcast_to(self.direction, shape), np.broadcast_to(self.irradiance or (1.0, 1.0, 1.0), shape)
-        towards = np.asarray(self.direction) - self.nearness * np.asarray(points)
-        square = np.einsum("...i,...i->...", towards, towards)[..., None]
-        return towards / np.sqrt(square), np.asarray(self.irradiance or (1.0, 1.0, 1.0)) / square
+        place = np.moveaxis(np.asarray(points), -1, 0)
+        towards = np.stack([d - self.nearness * p for d, p in zip(self.direction, place, strict=True)])
+        square = towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2]
+        towards /= np.sqrt(square)
+        irradiance = np.multiply.outer(self.irradiance or (1.0, 1.0, 1.0), 1.0 / square)
+        return np.moveaxis(towards, 0, -1), np.moveaxis(irradiance, 0, -1)
 
 
 def moved(

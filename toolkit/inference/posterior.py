@@ -23,7 +23,7 @@ MOST_STEPS = 20_000
 MOST_R_HAT = 1.1  # of a chain to be believed
 MOST_QUADRATURE_ERROR = 0.05  # sds
 GRID = 2001  # places of the quadrature
-FIRST = 20  # steps that are thrown away, and the least between two looks at the chain
+FIRST = 10  # steps that are thrown away, and the least between two looks at the chain
 
 Progress = Callable[[str, float], None]
 
@@ -136,7 +136,7 @@ def _moves(surrogate: Surrogate, dimensions: int) -> list[tuple[Any, float]]:
     import emcee
 
     anywhere = emcee.moves.MHMove(GridProposal.of(surrogate), ndim=dimensions)
-    return [(anywhere, 0.7), (emcee.moves.DEMove(), 0.2), (emcee.moves.StretchMove(), 0.1)]
+    return [(anywhere, 0.8), (emcee.moves.DEMove(), 0.15), (emcee.moves.StretchMove(), 0.05)]
 
 
 def _groups(chain: Floats) -> Floats:

@@ -7,6 +7,7 @@ shapes are sums of products of two of them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -66,9 +67,9 @@ def _equations(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> tuple[Floa
     cols = [problem.columns(u, evaluate=evaluate) for u in shapes]
     sums = []
     for c, data in enumerate(problem.channels):
-        gloss = np.stack([np.delete(one[c].table[0], BODY, axis=0) for one in cols[: len(glosses)]])
-        body = np.stack([one[c].table[0, BODY] for one in cols[: len(bodies)]])
-        sums.append(_sums(gloss, body, data, weighing.weights[c], weighing.weighted[c]))
+        tables = [one[c].table[0] for one in cols]
+        bodies_of = np.stack([table[BODY] for table in tables[: len(bodies)]])
+        sums.append(_sums(tables[: len(glosses)], bodies_of, data, weighing.weights[c], weighing.weighted[c]))
     matrix, rhs, squares = equations(tuple(sums), layout, problem.prior)
     named, extra = len(layout.names), slice(len(layout.names), layout.size)
     for one, index, gram in zip(sums, layout.index, weighing.gram, strict=True):
@@ -80,24 +81,27 @@ def _equations(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> tuple[Floa
     return matrix.reshape(*grid, *matrix.shape[2:]), rhs.reshape(*grid, -1), squares.reshape(grid)
 
 
-def _sums(gloss: Floats, body: Floats, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
-    """One channel's sums of the tables (m, k, n) of the highlight and (b, n) of the body, at all (m, b) shapes.
+def _sums(tables: Sequence[Floats], body: Floats, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
+    """One channel's sums at all (m, b) shapes.
 
+    Of the `tables` (k + 1, n), m of them, all but the body's column is taken; `body` (b, n) are the body's columns,
     `extra` (q, n) are the extra columns times the weights.
     """
-    (m, k, n), b = gloss.shape, len(body)
-    of_gloss, of_body, value = w.apart(gloss), w.apart(body), w.apart(data.value)
-    weighted, value_w = of_gloss * w.each, value * w.each
-    others = np.delete(np.arange(k + 1), BODY)
-    products = np.empty((m, b, k + 1, k + 1))
-    products[..., others[:, None], others] = (weighted @ np.swapaxes(of_gloss, -1, -2))[:, None]
-    products[..., BODY, others] = (weighted.reshape(m * k, n) @ of_body.T).reshape(m, k, b).transpose(0, 2, 1)
-    products[..., others, BODY] = products[..., BODY, others]
+    m, b, rows = len(tables), len(body), len(tables[0])
+    of_body, value = w.apart(body), w.apart(data.value)
+    value_w, others = value * w.each, np.delete(np.arange(rows), BODY)
+    products, told, across = np.empty((m, b, rows, rows)), np.empty((m, b, rows)), np.empty((m, b, len(extra), rows))
     products[..., BODY, BODY] = np.einsum("bn,n,bn->b", of_body, w.each, of_body)
-    told, across = np.empty((m, b, k + 1)), np.empty((m, b, len(extra), k + 1))
-    told[..., others], told[..., BODY] = (of_gloss @ value_w)[:, None], of_body @ value_w
-    across[..., others] = (extra @ np.swapaxes(gloss, -1, -2))[:, None]
-    across[..., BODY] = body @ extra.T
+    told[..., BODY], across[..., BODY] = of_body @ value_w, body @ extra.T
+    for i, table in enumerate(tables):
+        gloss = table[others]
+        apart = w.apart(gloss)
+        weighted = apart * w.each
+        products[i][..., others[:, None], others] = weighted @ apart.T
+        products[i][..., BODY, others] = of_body @ weighted.T
+        told[i][..., others] = apart @ value_w
+        across[i][..., others] = extra @ gloss.T
+    products[..., others, BODY] = products[..., BODY, others]
     return Sums(
         products=products,
         data=told,

@@ -84,7 +84,7 @@ def _mosaic(frame: RawFrame, stored: NDArray[np.uint16], origin: tuple[int, int]
             Plane(
                 channel=int(frame.cfa[row, column]),
                 values=_scaled(stored[row::2, column::2], black, white),
-                flags=flags[row::2, column::2],
+                flags=np.ascontiguousarray(flags[row::2, column::2]),
                 origin_px=(float(origin[0] + column), float(origin[1] + row)),
                 step_px=2,
             )
