@@ -5,9 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
+from contextlib import contextmanager
+from functools import partial
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
@@ -56,10 +57,21 @@ def fit_models(
     wanted = [(model, body) for body in settings.fit.diffuse or ("lambert",) for model in settings.fit.models]
     others = () if settings.fit.diffuse else OTHER_BODIES
     tell = _teller(progress, len(wanted) + len(others))
-    with threadpool_limits(1):  # one thread for each of the small products: faster, and the same sums on every machine
-        fits = _all(fit, wanted, tell, processes)
+    # one thread for each of the small products: faster, and the same sums on every machine
+    with threadpool_limits(1), _workers(fit, processes, most=max(len(wanted), len(others))) as all_of:
+        fits = _told(wanted, all_of(wanted), tell)
         best = max(range(len(fits)), key=lambda i: fits[i].elpd)
-        return tuple(fits + _all(fit, [(wanted[best][0], body) for body in others], tell, processes))
+        again = [(wanted[best][0], body) for body in others]
+        return tuple(fits + _told(again, all_of(again), tell))
+
+
+def _told(pairs: Sequence[Pair], found: Iterable[Fit], tell: Callable[[Pair], None]) -> list[Fit]:
+    """The fits, each one's end told."""
+    fits = []
+    for pair, fit in zip(pairs, found, strict=True):
+        fits.append(fit)
+        tell(pair)
+    return fits
 
 
 def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
@@ -83,41 +95,35 @@ def _run(pair: Pair) -> Fit:
     return _job(pair)
 
 
-def _all(fit: Job, pairs: Sequence[Pair], tell: Callable[[Pair], None], processes: int | None) -> list[Fit]:
-    """All fits in order: side by side in forks of this process where it may have children, else one by one."""
+@contextmanager
+def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable[[Sequence[Pair]], Iterable[Fit]]]:
+    """What gives all fits in order: side by side in forks of this process where it may have children, else one by one.
+
+    On an interrupt the forks end at once instead of with their work.
+    """
     global _job  # a fork inherits it, with the photograph, at no cost
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    workers = min(processes or cores, len(pairs))
-    fits: list[Fit] = []
+    workers = min(processes or cores, most)
     if workers < 2 or multiprocessing.current_process().daemon or os.environ.get(ALONE):
-        for pair in pairs:
-            fits.append(fit(pair))
-            tell(pair)
-        return fits
-    _job = fit
+        yield lambda pairs: map(fit, pairs)
+        return
+    _job, others = fit, set(multiprocessing.active_children())
+    fork = multiprocessing.get_context("fork")
     try:
-        with closing(_in_forks(pairs, workers)) as all_found:
-            for pair, found in zip(pairs, all_found, strict=True):
-                fits.append(found)
-                tell(pair)
+        with ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent) as pool:
+            try:
+                yield partial(_begun, pool)
+            except BaseException:
+                for child in set(multiprocessing.active_children()) - others:
+                    child.terminate()
+                raise
     finally:
         _job = None
-    return fits
 
 
-def _in_forks(pairs: Sequence[Pair], workers: int) -> Generator[Fit, None, None]:
-    """Their fits in order, by forks of this process; on an interrupt these end at once instead of with their work."""
-    others = set(multiprocessing.active_children())
-    fork = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent) as pool:
-        try:
-            with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
-                found = pool.map(_run, pairs)
-            yield from found
-        except BaseException:
-            for child in set(multiprocessing.active_children()) - others:
-                child.terminate()
-            raise
+def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Fit]:
+    with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
+        return pool.map(_run, pairs)
 
 
 def _leave_interrupts_to_parent() -> None:
