@@ -89,8 +89,8 @@ class Noise:
         readonly(self)
 
     def variance(self, signal: Floats, channel: int) -> Floats:
-        """Variance at an expected signal (never at the noisy sample itself), same shape as `signal`."""
-        return np.asarray(self.gain[channel] * np.maximum(signal, 0.0) + self.read[channel] ** 2)
+        """Variance at an expected signal (never at the noisy sample itself), same shape and kind as `signal`."""
+        return np.asarray(float(self.gain[channel]) * np.maximum(signal, 0.0) + float(self.read[channel]) ** 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -23,6 +23,7 @@ MOST_STEPS = 20_000
 MOST_R_HAT = 1.1  # of a chain to be believed
 MOST_QUADRATURE_ERROR = 0.05  # sds
 GRID = 2001  # places of the quadrature
+MOST_TRIED = 8  # draws of the linear unknowns for one that is wanted
 FIRST = 10  # steps that are thrown away, and the least between two looks at the chain
 
 Progress = Callable[[str, float], None]
@@ -52,7 +53,7 @@ def sample(
     x: Floats
     rng = np.random.default_rng(seed)
     if len(optimum.u) == 0:
-        u, diagnostics, enough = np.zeros((4 * draws, 0)), _independent(draws, seed), True
+        u, diagnostics, enough = np.zeros((draws, 0)), _independent(draws, seed), True
     else:
         u, diagnostics, enough = _walk(optimum, surrogate, seed=seed, rng=rng, effective=effective, progress=progress)
     u, x, kept = _draw_linear(optimum, surrogate, u, rng, draws)
@@ -147,16 +148,19 @@ def _groups(chain: Floats) -> Floats:
 def _draw_linear(
     optimum: Optimum, surrogate: Surrogate, u: Floats, rng: np.random.Generator, draws: int
 ) -> tuple[Floats, Floats, float]:
-    """Linear unknowns for shapes spread evenly over the chain; those outside their range are left out."""
+    """Linear unknowns for shapes spread evenly over the chain; those outside their range are left out.
+
+    Where few are inside, more are tried, several for a shape if there are not as many shapes.
+    """
     prior = optimum.problem.prior
     stretch = 1
     while True:
-        wanted = min(draws * stretch, len(u))
+        wanted = draws * min(stretch, MOST_TRIED)
         picked = u[np.linspace(0, len(u) - 1, wanted).round().astype(int)]
         mean, factor = surrogate.conditional(picked)
         x = mean + np.einsum("sij,sj->si", factor, rng.standard_normal(mean.shape))
         inside = np.all((x >= prior.low) & (x <= prior.high), axis=1)
-        if inside.sum() >= draws or wanted == len(u):
+        if inside.sum() >= draws or stretch >= MOST_TRIED:
             break
         stretch *= 4
     share = float(inside.mean())

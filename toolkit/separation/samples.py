@@ -122,7 +122,7 @@ def _refuse_empty(values: Floats, weight: Floats) -> None:
             f"{full} pixels have all three channels usable; separation by colour needs {FEWEST}: "
             "expose less where they clip, or check the mask"
         )
-    if not np.any(values > 0):
+    if values.max() <= 0:
         raise BadInputError("the picture holds no light at all; expected a lit sphere: check exposure and mask")
 
 
