@@ -24,7 +24,8 @@ from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.cells import SIDE_X, SIDE_Y, Cells
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
-from toolkit.inference.model import Lit, Model, lit_by
+from toolkit.inference.lit import Lit, lit_by
+from toolkit.inference.model import Model
 from toolkit.inference.normal import inverse
 from toolkit.inference.problem import Optimum, Problem, pose
 from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere

@@ -14,7 +14,8 @@ from synthetic.scenes import exposed
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
-from toolkit.inference.model import Model, lit_by
+from toolkit.inference.lit import lit_by
+from toolkit.inference.model import Model
 from toolkit.inference.nuisances import shifts_of
 from toolkit.records import Floats, Scene
 

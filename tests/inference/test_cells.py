@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from toolkit.flags import SampleFlag
 from toolkit.inference import gather as module
 from toolkit.inference.cells import Cells
+from toolkit.inference.descend import project
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import NEARNESS_SD, gather
 from toolkit.inference.infer import gather_for
-from toolkit.inference.model import Model, lit_by
+from toolkit.inference.lit import lit_by
+from toolkit.inference.model import Model
 from toolkit.inference.moved_light import moved
-from toolkit.inference.normal import inverse
+from toolkit.inference.normal import inverse, weigh
 from toolkit.inference.problem import Optimum, pose
 from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES
@@ -131,6 +134,33 @@ def test_a_clipped_highlight_is_told_from_below() -> None:
     assert abs(_strength_z(bounded)) < 4
     naive = _clipped(image, white, honest=False)
     assert abs(_strength_z(_fit(naive, scene, gather(naive, scene)))) > 10
+
+
+def test_clipped_samples_lie_on_their_sides_where_a_shape_is_solved_for() -> None:
+    """At one shape the linear unknowns minimise the one-sided sum of squares, as scipy does from elsewhere."""
+    radiance, scene = radiance_of(200, roughness_rad=0.08)
+    image = _clipped(photograph(radiance, seed=2, mosaic=False), 0.5, honest=True)
+    optimum = _fit(image, scene, gather(image, scene))
+    problem, u = optimum.problem, optimum.u + 0.3  # too wide a highlight: elsewhere too low, elsewhere too high
+    here = project(problem, u, weigh(optimum.weights.weights, problem.extras))
+    root = np.sqrt(np.diag(problem.prior.precision))
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        found = [root * (x - problem.prior.centre)]
+        for w, data, p in zip(here.weights.weights, problem.channels, problem.predict(here.columns, x), strict=True):
+            left = data.value - p
+            short = np.maximum(left[w.clipped], 0.0) * np.sqrt(w.short)
+            left[w.clipped] = 0.0
+            each = w.each.copy()
+            each[w.clipped] = 0.0
+            found += [short, np.sqrt(each) * w.apart(left)]
+        return np.concatenate(found)
+
+    sides = [w.each[w.clipped] > 0.0 for w in here.weights.weights]
+    assert any(side.any() and not side.all() for side in sides)
+    plain = scipy.optimize.least_squares(residual, optimum.x * 1.3, x_scale="jac", xtol=1e-12, ftol=1e-12)
+    assert here.chi2 == pytest.approx(2.0 * plain.cost, rel=1e-6)
+    assert here.x == pytest.approx(plain.x, rel=1e-3, abs=1e-5)
 
 
 def _samples(cells: Cells, channel: int) -> float:

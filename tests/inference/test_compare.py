@@ -70,7 +70,7 @@ def test_leaving_a_block_out_is_what_a_new_fit_without_it_predicts() -> None:
     quick = elpd_blocks(optimum, by_block(optimum, blocks))
     for block in np.unique(blocks)[[1, -2]]:
         kept = replace(cells, channels=tuple(_only(d, blocks != block) for d in cells.channels))
-        without = fit(pose(Model.named("torrance-sparrow"), scene, kept, NOISE), start=None)
+        without = fit(pose(Model.named("torrance-sparrow"), scene, kept, NOISE))
         held = replace(cells, channels=tuple(_only(d, blocks == block) for d in cells.channels))
         assert quick[block] == pytest.approx(_density(without, held), abs=0.3)
 
@@ -82,7 +82,8 @@ def _only(data: ChannelCells, there: np.ndarray) -> ChannelCells:
 
 def _density(optimum: object, held: object) -> float:
     """Log predictive density of held-out cells under a fit that never saw them, linearised at its own optimum."""
-    from toolkit.inference.model import columns, lit_by
+    from toolkit.inference.lit import lit_by
+    from toolkit.inference.model import columns
     from toolkit.inference.normal import inverse
 
     problem = optimum.problem

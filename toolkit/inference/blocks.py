@@ -7,6 +7,7 @@ about the first light's highlight.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +31,6 @@ class Blocks:
     score: Floats
     density: Floats
 
-    def centred(self) -> Floats:
-        """Scores (b, P) of the blocks that hold samples, about their mean; their products sum to the scores' spread."""
-        used = self.score[np.any(self.score != 0.0, axis=1)]
-        return np.asarray((used - used.mean(axis=0)) * np.sqrt(len(used) / max(len(used) - 1, 1)))
-
 
 def blocks_of(scene: Scene, cells: Cells) -> NDArray[np.intp]:
     """The block of every cell (N,)."""
@@ -56,26 +52,38 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
 
     `blocks`, one a photograph, (N,) is the block of every cell; those of several photographs follow each other.
     """
-    problem = optimum.problem
-    cols = problem.columns(optimum.u, derivatives=True)
-    predicted = problem.predict(cols, optimum.x)
     size, count = len(optimum.joint), COUNT * len(blocks)
     information, score, density = np.zeros((count, size, size)), np.zeros((count, size)), np.zeros(count)
-    for c, (data, w) in enumerate(zip(problem.channels, optimum.weights.weights, strict=True)):
-        mine = optimum.x[problem.layout.index[c]]
-        slopes = [m @ mine + o for m, o in zip(cols[c].d_matrix, cols[c].d_offset, strict=True)]
-        jacobian = np.column_stack([cols[c].matrix, problem.extras[c], *slopes])
-        index = np.concatenate([problem.layout.index[c], np.arange(len(problem.layout.names), size)])
-        residual = data.value - predicted[c]
-        misfit = w.times(residual)
-        weighted, counted = w.times(jacobian.T), np.flatnonzero(w.each)
-        photograph = c // 3
-        mine_in = blocks[photograph][data.rows[counted]]
-        order = counted[np.argsort(mine_in, kind="stable")]
-        edges = np.searchsorted(np.sort(mine_in), np.arange(COUNT + 1))
-        for b in range(COUNT):
-            rows, there = order[edges[b] : edges[b + 1]], COUNT * photograph + b
-            information[there][np.ix_(index, index)] += weighted[:, rows] @ jacobian[rows]
-            score[there][index] += weighted[:, rows] @ residual[rows]
-            density[there] += 0.5 * np.sum(np.log(w.each[rows] / (2 * np.pi))) - 0.5 * misfit[rows] @ residual[rows]
+    for c, (data, w) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
+        counted, first = np.flatnonzero(w.each), COUNT * (c // 3)
+        there = blocks[c // 3][data.rows[counted]]
+        order = counted[np.argsort(there, kind="stable")]
+        edges = np.searchsorted(there[np.argsort(there, kind="stable")], np.arange(COUNT + 1))
+        index, slopes = optimum.slopes(c)
+        residual = data.value - optimum.predicted[c]
+        rows, weighted = slopes[:, order], w.times(slopes)[:, order]
+        left, misfit, each = residual[order], w.times(residual)[order], np.log(w.each[order] / (2 * np.pi))
+        for b, (start, end) in enumerate(pairwise(edges), start=first):
+            mine = slice(start, end)
+            information[b][index[:, None], index] += weighted[:, mine] @ rows[:, mine].T
+            score[b, index] += weighted[:, mine] @ left[mine]
+            density[b] += 0.5 * (each[mine].sum() - misfit[mine] @ left[mine])
     return Blocks(information=information, score=score, density=density)
+
+
+def scores_of(optimum: Optimum, *blocks: NDArray[np.intp]) -> Floats:
+    """The blocks' scores alone (B, P), as `by_block` has them."""
+    found = np.zeros((len(optimum.joint), COUNT * len(blocks)))
+    for c, (data, w) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
+        index, slopes = optimum.slopes(c)
+        there = blocks[c // 3][data.rows] + COUNT * (c // 3)
+        pulls = slopes * w.times(data.value - optimum.predicted[c])
+        for i, pull in zip(index, pulls, strict=True):
+            found[i] += np.bincount(there, pull, minlength=found.shape[1])
+    return found.T
+
+
+def centred(scores: Floats) -> Floats:
+    """Scores (b, P) of the blocks that hold samples, about their mean; their products sum to the scores' spread."""
+    used = scores[np.any(scores != 0.0, axis=1)]
+    return np.asarray((used - used.mean(axis=0)) * np.sqrt(len(used) / max(len(used) - 1, 1)))

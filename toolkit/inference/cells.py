@@ -55,8 +55,11 @@ class ChannelCells:
 
     def predicted(self, nodes: Floats) -> Floats:
         """The data (..., m) of what has the values `nodes` (..., S, 4, N) at the nodes of all places."""
+        return self.told(nodes[..., self.place, :, :])
+
+    def told(self, here: Floats) -> Floats:
+        """The data (..., m) of what has the values `here` (..., 4, N) at the nodes of the channel's own place."""
         n = self.cells
-        here = nodes[..., self.place, :, :]
         here = here if n == here.shape[-1] else here[..., self.rows[:n]]
         result = np.empty((*here.shape[:-2], len(self.rows)))
         above, below = here[..., 0, :] + here[..., 1, :], here[..., 2, :] + here[..., 3, :]

@@ -9,30 +9,21 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .normal import Layout, Normal, Weighing, bounded, solve, sums_of
+from .normal import Layout, Normal, Weighing, bounded, solve, sums_of, weigh
 from .problem import Evaluated, Optimum, Problem
 
 STEPS = 25
 STANDS_SD = 0.01  # sds by which what is left undone may still move the shape
 LONGEST_STEP, LONGEST_SHARE = 0.7, 0.25  # a factor of two in a logarithm; of a range
+SIDES = 12  # times that clipped data may change sides at one shape
 SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rest:
-    """Where a descent ended, and what is predicted there (n,) per channel."""
-
-    optimum: Optimum
-    predicted: tuple[Floats, ...]
-
-
-def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Rest:
+def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Optimum:
     """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
     low, high = problem.model.bounds()
-    inside = ONTO_BOUND * (high - low)
-    within = np.clip(u, low + inside, high - inside)  # a lobe's slope may be 0 on a bound
-    here = _project(problem, within, weights, cols if np.array_equal(within, u) else None)
-    status, cells = f"not converged after {STEPS} steps", weights.counted
+    here = _off_dead_ends(project(problem, u, weights, cols), weights)
+    status = f"not converged after {STEPS} steps"
     last: Floats = np.zeros(len(here.joint.rhs))
     for _ in range(STEPS):
         u, step = here.u, _joint_step(here, low, high)
@@ -40,24 +31,35 @@ def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
         moved = step[problem.layout.size :]
         sd = shape_sd(here.joint.matrix, problem.layout)
         wanted = np.clip(u + moved, near, far) - u
-        if _lands(here, step, wanted, sd, cells):
+        if _lands(here, step, wanted, sd):
             status, last = "converged", step
             break
         if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)):
             status = "converged"
             break
         for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
-            there = _project(problem, np.clip(u + factor * moved, near, far), weights)
+            there = project(problem, np.clip(u + factor * moved, near, far), weights)
             if there.chi2 < here.chi2:
                 break
         else:  # nothing lower along the step: as good as it gets
             status = "converged"
             break
         here = there
-    return _rest(here, last, weights, status)
+    return _rest(here, last, status)
 
 
-def _lands(here: _Projection, step: Floats, wanted: Floats, sd: Floats, cells: int) -> bool:
+def _off_dead_ends(here: Projection, weights: Weighing) -> Projection:
+    """The same place, or one a little inside a bound on which the data say nothing, since a lobe's slope is 0 there."""
+    problem, (low, high) = here.problem, here.problem.model.bounds()
+    told = here.joint.matrix.diagonal()[problem.layout.size :] > (1.0 + 1e-6) * problem.shape_precision
+    if told.all():
+        return here
+    inside = ONTO_BOUND * (high - low)
+    within = np.where(told, here.u, np.clip(here.u, low + inside, high - inside))
+    return here if np.array_equal(within, here.u) else project(problem, within, weights)
+
+
+def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats) -> bool:
     """Whether a step is so short that its end needs no second look: linear there to STANDS_SD, nothing at a bound.
 
     A step s along a scale L (a longest step) errs by s^2 / L, and by s sd / L for each sd of misfit.
@@ -69,11 +71,15 @@ def _lands(here: _Projection, step: Floats, wanted: Floats, sd: Floats, cells: i
     if np.any((x < problem.prior.low) | (x > problem.prior.high)):
         return False
     longest = _longest(*problem.model.bounds())
-    error = np.abs(moved) * (np.abs(moved) + sd * (1.0 + misfit_root(here.chi2, cells))) / longest
+    error = (
+        np.abs(moved)
+        * (np.abs(moved) + sd * (1.0 + misfit_root(here.chi2, here.weights.counted, problem.tempering)))
+        / longest
+    )
     return bool(np.all(error <= STANDS_SD * sd))
 
 
-def _rest(here: _Projection, step: Floats, weights: Weighing, status: str) -> Rest:
+def _rest(here: Projection, step: Floats, status: str) -> Optimum:
     """The end of a descent, after a last `step` of linear unknowns and shape."""
     problem, size = here.problem, len(here.x)
     low, high = problem.model.bounds()
@@ -86,17 +92,19 @@ def _rest(here: _Projection, step: Floats, weights: Weighing, status: str) -> Re
             for c, i in zip(here.columns, problem.layout.index, strict=True)
         ]
         predicted = tuple(p + step[size:] @ s for p, s in zip(problem.predict(here.columns, x), slopes, strict=True))
-    optimum = Optimum(
+    return Optimum(
         problem=problem,
         u=u,
         x=x,
-        weights=weights,
+        weights=here.weights,
         joint=here.joint.matrix,
         chi2=here.chi2 - drop,
         on_bound=np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)]),
         status=status,
+        at=here.u,
+        columns=here.columns,
+        predicted=predicted,
     )
-    return Rest(optimum=optimum, predicted=predicted)
 
 
 def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -111,29 +119,50 @@ def _reach(u: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Projection:
+class Projection:
     """A shape with everything linear solved for, and the joint equations of the step from there."""
 
     problem: Problem
     u: Floats
     columns: Evaluated
+    weights: Weighing
     x: Floats
     chi2: float
     on_bound: NDArray[np.bool_]
     joint: Normal
 
 
-def _project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> _Projection:
+def project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Projection:
+    """Solve for everything linear at a shape; of the clipped data those count of which the prediction falls short."""
     cols = problem.columns(u, derivatives=True) if cols is None else cols
-    sums = sums_of(cols, problem.channels, weights)
-    normal = problem.combine(sums, weights)
-    x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
+    for _ in range(SIDES):
+        sums = sums_of(cols, problem.channels, weights)
+        normal = problem.combine(sums, weights)
+        x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
+        before, weights = weights, _sided(problem, cols, x, weights)
+        if weights is before:
+            break
     chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
-    joint = problem.combine(sums, weights, x)
-    return _Projection(problem=problem, u=u, columns=cols, x=x, chi2=chi2, on_bound=on_bound, joint=joint)
+    joint = problem.combine(sums, before, x)
+    return Projection(
+        problem=problem, u=u, columns=cols, weights=before, x=x, chi2=chi2, on_bound=on_bound, joint=joint
+    )
 
 
-def _joint_step(here: _Projection, low: Floats, high: Floats) -> Floats:
+def _sided(problem: Problem, cols: Evaluated, x: Floats, weights: Weighing) -> Weighing:
+    """The weights with the clipped data on the sides where they lie of what is predicted; themselves if they did."""
+    if not any(len(w.clipped) for w in weights.weights):
+        return weights
+    predicted = problem.predict(cols, x)
+    sided = tuple(
+        w.sided(p[w.clipped] < data.value[w.clipped])
+        for w, p, data in zip(weights.weights, predicted, problem.channels, strict=True)
+    )
+    same = all(one is other for one, other in zip(sided, weights.weights, strict=True))
+    return weights if same else weigh(sided, problem.extras)
+
+
+def _joint_step(here: Projection, low: Floats, high: Floats) -> Floats:
     """The Gauss-Newton step of linear unknowns and shape, what rests on a bound held there, shortened where long."""
     size, u, joint = len(here.x), here.u, here.joint
     if len(u) == 0:
@@ -157,6 +186,6 @@ def shape_sd(joint: Floats, layout: Layout) -> Floats:
     return np.asarray(1.0 / np.sqrt(np.maximum(joint.diagonal()[layout.size :], 1e-300)))
 
 
-def misfit_root(chi2: float, cells: int) -> float:
+def misfit_root(chi2: float, counted: int, tempering: float) -> float:
     """Root of the chi-square that noise does not explain."""
-    return float(np.sqrt(max(chi2 - cells - 3.0 * np.sqrt(2.0 * cells), 0.0)))
+    return float(np.sqrt(max(chi2 - (counted + 3.0 * np.sqrt(2.0 * counted)) / tempering, 0.0)))

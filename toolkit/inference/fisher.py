@@ -16,7 +16,7 @@ from toolkit.records import Floats
 from .normal import inverse
 from .nuisances import Shifts
 from .problem import Optimum, Problem, pose_views, weights_at
-from .settle import sensitivity
+from .sensitivity import sensitivity
 
 Truth = Mapping[str, Floats | float]
 
@@ -36,7 +36,7 @@ def bound_sds(problem: Problem, truth: Truth, shifts: Shifts) -> dict[str, Float
         problem.model,
         problem.views,
         fresnel=problem.fresnel,
-        extras=sensitivity(there, problem.views, shifts, np.zeros(len(shifts.names))),
+        extras=sensitivity(there, problem.views, problem.views, shifts, np.zeros(len(shifts.names))),
         extras_precision=shifts.precision,
     )
     columns = linear.columns(there.u, derivatives=True)
@@ -76,7 +76,7 @@ def at_truth(problem: Problem, truth: Truth) -> Optimum:
     u = [float(np.squeeze(truth[p.name])) for p in problem.model.parameters]
     u = [float(np.log(value)) if p.log else value for value, p in zip(u, problem.model.parameters, strict=True)]
     x = [_linear(problem, truth, name, channel) for name, channel in problem.layout.names]
-    size = len(u) + len(x)
+    size, columns = len(u) + len(x), problem.columns(np.array(u), derivatives=True)
     return Optimum(
         problem=problem,
         u=np.array(u),
@@ -86,6 +86,9 @@ def at_truth(problem: Problem, truth: Truth) -> Optimum:
         chi2=0.0,
         on_bound=np.zeros(size, bool),
         status="converged",
+        at=np.array(u),
+        columns=columns,
+        predicted=problem.predict(columns, np.array(x)),
     )
 
 

@@ -10,30 +10,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from .normal import weigh
 from .problem import Optimum, Problem, weights_at
 from .refine import refine
-from .search import search
+from .search import search, thinned
 
 PLAIN = 30.0  # chi-square on a few cells by which one optimum is plainly better than another
 
 
-def fit(problem: Problem, *, start: Optimum | None = None) -> Optimum:
-    """The optimum of a problem; `start`, of a neighbouring problem on the same cells, spares the search."""
-    if start is not None:
-        return refine(problem, start.u, weigh(start.weights.weights, problem.extras))
-    found = search(problem)
-    return min((_begin(problem, few) for few in found if few.chi2 < found[0].chi2 + PLAIN), key=lambda o: o.chi2)
+def fit(problem: Problem) -> Optimum:
+    """The optimum of a problem."""
+    found = search(thinned(problem))
+    plain = [few for few in found if few.chi2 < found[0].chi2 + PLAIN]
+    return min((go_on(problem, few) for few in plain), key=lambda optimum: optimum.chi2)
 
 
-def minima(problem: Problem) -> list[Optimum]:
-    """The distinct optima that a search over the whole box comes to rest at, best first, `MOST_MINIMA` at most."""
-    return sorted((_begin(problem, few) for few in search(problem)), key=lambda optimum: optimum.chi2)
-
-
-def _begin(problem: Problem, few: Optimum) -> Optimum:
-    """Go on with all cells from an optimum on a few of them, weighed by what it predicts."""
-    problem = replace(problem, fresnel=few.problem.fresnel)
-    cols = problem.columns(few.u, derivatives=True)
-    x = np.concatenate([few.x, problem.prior.centre[len(few.x) :]])
-    return refine(problem, few.u, weights_at(problem, problem.predict(cols, x)), cols)
+def go_on(problem: Problem, start: Optimum) -> Optimum:
+    """From the shape and colours of a neighbouring problem, as of one on fewer cells, weighed by what they predict."""
+    problem = replace(problem, fresnel=start.problem.fresnel)
+    columns = problem.columns(start.u, derivatives=True)
+    x = np.zeros(problem.layout.size)
+    x[: len(problem.layout.names)] = start.x[: len(problem.layout.names)]
+    return refine(problem, start.u, weights_at(problem, problem.predict(columns, x)), columns)

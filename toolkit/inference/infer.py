@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.flags import Flag
 from toolkit.records import Fit, Floats, LinearImage, Scene
 
-from .blocks import blocks_of, by_block
+from .blocks import blocks_of, by_block, centred
 from .cells import Cells
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
@@ -73,7 +73,7 @@ def infer_views(
     optimum, total = fit_with_shifts(pose_views(model, views), shifts, where if discrepancy else ())
     by_noise = by_noise_alone(optimum)
     blocks = by_block(by_noise, *where)
-    scores = blocks.centred() / optimum.problem.tempering
+    scores = centred(blocks.score) / optimum.problem.tempering
     stretch = stretch_of(optimum, scores) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(by_noise)
@@ -118,10 +118,8 @@ def gather_for(image: LinearImage, scene: Scene) -> Cells:
 
 def misfit(optimum: Optimum) -> tuple[float, float]:
     """Chi-square of the cells' means by the measurement noise alone over its degrees of freedom; relative rms."""
-    problem = optimum.problem
-    predicted = problem.predict(problem.columns(optimum.u), optimum.x)
     chi2, square, signal = 0.0, 0.0, 0.0
-    for w, data, p in zip(optimum.weights.weights, problem.channels, predicted, strict=True):
+    for w, data, p in zip(optimum.weights.weights, optimum.problem.channels, optimum.predicted, strict=True):
         residual = data.value - p
         chi2 += float(w.times(residual) @ residual)
         square += float((data.count * (w.each > 0)) @ residual**2)

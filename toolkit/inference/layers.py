@@ -12,7 +12,8 @@ from toolkit.records import Fit, Floats, ModelLayers
 from toolkit.reflectance.fresnel import reflectance
 from toolkit.reflectance.lobe import LOBES
 
-from .model import TYPICAL_F0, Lit, lit_by, mirror_cosine
+from .lit import Lit, lit_by
+from .model import TYPICAL_F0, mirror_cosine
 
 CHUNK = 1 << 15  # samples predicted at a time, so that what lies between a lobe's passes stays in the cache
 

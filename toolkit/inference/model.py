@@ -14,14 +14,14 @@ from typing import Literal
 
 import numpy as np
 
-from toolkit.geometry.sphere import Surface, surface
+from toolkit.geometry.sphere import surface
 from toolkit.records import Floats, Light, Scene, scale_of
 from toolkit.reflectance.cosines import Cosines
 from toolkit.reflectance.fresnel import dielectric_pair, reflectance
 from toolkit.reflectance.lobe import LOBES, Lobe, Parameter
 
 from .cells import Cells, ChannelCells
-from .moved_light import parts
+from .lit import Lit
 
 IDENTIFYING_SPREAD = 0.02  # spread of Schlick's s over the highlights from which F0 and strength come apart
 TYPICAL_F0 = 0.04  # of a dielectric of index 1.5; shapes F(theta_d) where F0 itself is not identified
@@ -66,41 +66,6 @@ class Model:
         """Shape numbers of the specular and of the diffuse lobe."""
         n = len(self.specular.parameters)
         return shape[:n], shape[n:]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lit:
-    """What one light does at surface points: cosines (...), irradiance as colour (3,) x falloff (...), Schlick's s."""
-
-    cosines: Cosines
-    colour: Floats
-    falloff: Floats
-    schlick: Floats
-
-
-def lit_by(scene: Scene, x_px: Floats, y_px: Floats, *, whole: bool = False) -> tuple[Lit, ...]:
-    """The geometry of every light at pixel coordinates of any shape; a sized one in parts, unless `whole`."""
-    seen = surface(scene.camera, scene.sphere, x_px, y_px)
-    return tuple(_lit(small, seen) for light in scene.lights for small in ((light,) if whole else parts(light)))
-
-
-def _lit(light: Light, seen: Surface) -> Lit:
-    towards, irradiance = light.at(seen.normal)
-    colour = light.at(np.zeros((1, 3)))[1][0]  # at the sphere's centre
-    cosines = Cosines.of(seen.normal, towards, seen.view, source_radius_rad=float(np.radians(light.angular_radius_deg)))
-    return Lit(
-        cosines=cosines,
-        colour=np.asarray(colour),
-        falloff=_per_place(irradiance[..., 0], lambda e: e / colour[0]),
-        schlick=_per_place(cosines.l_dot_h, lambda cosine: (1.0 - cosine) ** 5),
-    )
-
-
-def _per_place(values: Floats, function: Callable[[Floats], Floats]) -> Floats:
-    """A function of values over places; one that is repeated without being stored stays so."""
-    if any(values.strides):
-        return np.asarray(function(values))
-    return np.broadcast_to(function(values[(slice(1),) * values.ndim]), values.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -262,6 +227,24 @@ def columns_of_many(
     sharp, soft = shape[: len(model.specular.parameters)], shape[len(model.specular.parameters) :]
     blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
     return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
+
+
+def radiance(
+    model: Model, fresnel: Fresnel, lit: Lit, u: Floats, coefficients: Sequence[Floats], cells: Cells
+) -> tuple[Floats, Floats, Floats]:
+    """What one light's part in each channel is at that channel's own nodes (4, N), the pedestal left out.
+
+    `coefficients` hold a channel's linear ones, in the order of its columns.
+    """
+    terms = _terms(lit, fresnel, *_values(lit, model, *model.split(model.natural(u))))
+    found = []
+    for c, data in enumerate(cells.channels):
+        total = np.zeros(())
+        for (nodes, scale), number in zip(terms, (1.0, *coefficients[c]), strict=False):
+            if nodes is not None:
+                total = total + nodes[data.place] * (scale * number * lit.colour[c])
+        found.append(total)
+    return found[0], found[1], found[2]
 
 
 _Term = tuple[Floats | None, float]  # a table over the nodes (..., S, 4, N), or None for zeros, and a factor

@@ -13,7 +13,7 @@ from toolkit.records import Floats, Noise, Scene, scale_of
 
 from .cells import Cells, ChannelCells
 from .model import Columns, Evaluate, Fresnel, Model, columns, fresnel_of, names_of
-from .normal import Layout, Normal, Prior, Sums, Weighing, bounded, combine, lay_out, sums_of, weigh
+from .normal import Layout, Normal, Prior, Sums, Weighing, combine, lay_out, sums_of, weigh
 from .priors import prior_of
 from .views import View
 from .weights import weights_of
@@ -39,6 +39,11 @@ class Problem:
         return tuple(data for view in self.views for data in view.cells.channels)
 
     @property
+    def samples(self) -> float:
+        """How many samples the cells' means hold."""
+        return sum(float(data.count[: data.cells].sum()) for data in self.channels)
+
+    @property
     def scale(self) -> Literal["absolute", "relative"]:
         """Absolute where one photograph's irradiance is known."""
         return scale_of([view.scene for view in self.views])
@@ -59,10 +64,15 @@ class Problem:
         """The normal equations from sums over the cells already taken."""
         normal = combine(sums, weights, self.layout, self.prior, at)
         if at is not None:
-            low, high = self.model.bounds()
             shapes = np.arange(self.layout.size, len(normal.rhs))
-            normal.matrix[shapes, shapes] += 12.0 / (high - low) ** 2
+            normal.matrix[shapes, shapes] += self.shape_precision
         return normal
+
+    @property
+    def shape_precision(self) -> Floats:
+        """What the shape numbers' ranges count as (D,)."""
+        low, high = self.model.bounds()
+        return np.asarray(12.0 / (high - low) ** 2)
 
     def predict(self, cols: tuple[Columns, ...], x: Floats) -> tuple[Floats, ...]:
         """What is predicted of each channel's data."""
@@ -85,6 +95,17 @@ class Optimum:
     chi2: float  # with the prior's part
     on_bound: NDArray[np.bool_]  # linear unknowns, then shape
     status: str
+    at: Floats  # the shape, or one short step before, over which all is linear
+    columns: Evaluated  # at that, with their derivatives
+    predicted: tuple[Floats, ...]  # of each channel's data
+
+    def slopes(self, channel: int) -> tuple[NDArray[np.intp], Floats]:
+        """Which unknowns (p,) a channel depends on, and the derivatives (p, m) of its data's prediction in them."""
+        layout, table = self.problem.layout, self.columns[channel].table
+        own, size = layout.index[channel], len(self.joint)
+        by_shape = np.einsum("dkn,k->dn", table[1:], np.concatenate([[1.0], self.x[own]]))
+        index = np.concatenate([own, np.arange(len(layout.names), size)])
+        return index, np.concatenate([table[0, 1:], self.problem.extras[channel].T, by_shape])
 
 
 def pose(model: Model, scene: Scene, cells: Cells, noise: Noise) -> Problem:
@@ -130,13 +151,6 @@ def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
         for (noise, c, data), here in zip(channels, predicted, strict=True)
     )
     return weigh(weights, problem.extras)
-
-
-def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
-    """Chi-square at one shape, everything linear solved for; the prior's part counts."""
-    normal = problem.assemble(problem.columns(u), weights)
-    x, _ = bounded(normal.matrix, normal.rhs, problem.prior)
-    return normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
 
 
 def f0_of(problem: Problem, x: Floats) -> Floats:

@@ -28,17 +28,15 @@ def refine(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | Non
     """
     here = descend(problem, u, weights, cols)
     for _ in range(ROUNDS):
-        weights, problem = weights_at(problem, here.predicted), _tangent_at(here.optimum)
-        if problem is here.optimum.problem and _alike(weights, here.optimum):
+        weights, problem = weights_at(problem, here.predicted), _tangent_at(here)
+        known = here.columns if problem is here.problem else None
+        if known and _alike(weights, here):
             break
-        before, here = here, descend(problem, here.optimum.u, weights)
-        u = here.optimum.u
-        if problem is before.optimum.problem and (
-            len(u) == 0
-            or np.all(np.abs(u - before.optimum.u) <= STANDS_SD * shape_sd(here.optimum.joint, problem.layout))
-        ):
+        before, here = here, descend(problem, here.at if known else here.u, weights, known)
+        moved = np.abs(here.u - before.u)
+        if known and np.all(moved <= STANDS_SD * shape_sd(here.joint, problem.layout)):
             break
-    return here.optimum
+    return here
 
 
 def _tangent_at(optimum: Optimum) -> Problem:
@@ -58,11 +56,12 @@ def _alike(weights: Weighing, optimum: Optimum) -> bool:
     By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
     and by e times the root of the chi-square that is not noise.
     """
-    change, cells = 0.0, 0
+    change, counted = 0.0, optimum.weights.counted
     for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
-        counted = old.each > 0.0
-        if np.any((new.each > 0.0) != counted):
+        there = old.each > 0.0
+        if np.any((new.each > 0.0) != there):
             return False
-        change += float(np.sum((new.each[counted] / old.each[counted] - 1.0) ** 2) + np.sum((new.lean - old.lean) ** 2))
-        cells += int(np.count_nonzero(counted))
-    return float(np.sqrt(change / max(cells, 1))) * (1.0 + misfit_root(optimum.chi2, cells)) <= STANDS_SD
+        change += float(np.sum((new.each[there] / old.each[there] - 1.0) ** 2) + np.sum((new.lean - old.lean) ** 2))
+    tempering = optimum.problem.tempering
+    apart = float(np.sqrt(1.0 / tempering)) + misfit_root(optimum.chi2, counted, tempering)
+    return float(np.sqrt(change / max(counted, 1))) * apart <= STANDS_SD

@@ -19,18 +19,27 @@ MOST_MINIMA = 2  # how many of the optima found are gone on with
 SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 
 
-def search(problem: Problem) -> list[Optimum]:
-    """Optima on a few of the cells: where descents from the best of a coarse grid end, best first, far apart."""
-    few = pose_views(
+def thinned(problem: Problem) -> Problem:
+    """The same on the means of some `SEARCH_CELLS` of each photograph's cells."""
+    return pose_views(
         problem.model,
-        [view.thinned(max(len(view.cells.x_px) // SEARCH_CELLS, 1)) for view in problem.views],
+        [view.thinned(every) for view, every in zip(problem.views, strides(problem), strict=True)],
         fresnel=problem.fresnel,
         tempering=problem.tempering,
     )
+
+
+def strides(problem: Problem) -> list[int]:
+    """Of each photograph's cells one in so many is kept."""
+    return [max(len(view.cells.x_px) // SEARCH_CELLS, 1) for view in problem.views]
+
+
+def search(few: Problem) -> list[Optimum]:
+    """Where descents from the best of a coarse grid end, best first, far apart: meant for a problem of few cells."""
     weights = _provisional(few)
-    if not problem.model.parameters:
+    if not few.model.parameters:
         return [refine(few, np.zeros(0), weights)]
-    apart = 0.1 * np.subtract(*problem.model.bounds()[::-1])
+    apart = 0.1 * np.subtract(*few.model.bounds()[::-1])
     found = [refine(few, u, weights) for u in _starts(few, weights, apart)[:DESCENTS]]
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]

@@ -14,53 +14,89 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .fit import fit, minima
-from .model import columns
+from .descend import Projection, project
+from .fit import PLAIN, fit
 from .normal import inverse, weigh
 from .nuisances import Shifts, shifted
-from .problem import Optimum, Problem, chi2_at, pose_views
-from .tempering import chi2_tempered, stands, tempering_of
+from .problem import Optimum, Problem, pose_views, weights_at
+from .refine import refine
+from .search import search, strides, thinned
+from .sensitivity import sensitivity
+from .tempering import STANDS, chi2_tempered, next_tempering, stands, tempering_of
 from .views import View
 
-RELATIVE_STEP = 1e-3  # of the prior's sd, for the differences: far above rounding, far below curvature
-ROUNDS = 20
-SETTLED_SD = 0.1  # posterior sds of the last move: its own error is of second order in it
-SETTLED_PRIOR_SD = 0.02  # or prior sds, where a wrong model makes the posterior absurdly narrow
+ROUNDS, FEW_ROUNDS = 20, 6  # of moves, with all cells and with a few
+PATIENCE, LOOSER = 4, 4.0  # rounds in which all is asked to stand closely, and how many times less closely then
+SETTLED_SD = 0.05  # posterior sds of the last move: its own error is of second order in it
+SETTLED_PRIOR_SD = 0.01  # or prior sds, where a wrong model makes the posterior absurdly narrow
+LINEAR_SD = 0.02  # by which the bend of a move may shift the answer
+TEMPERINGS = 4  # of one linearised problem, at most
 SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
 MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
 
+Blocks = Sequence[NDArray[np.intp]]
+Stand = tuple[Optimum, Floats]  # where all came to rest, and the shifts there
 
-def fit_with_shifts(
-    problem: Problem, shifts: Shifts, blocks: Sequence[NDArray[np.intp]] = ()
-) -> tuple[Optimum, Floats]:
+
+def fit_with_shifts(problem: Problem, shifts: Shifts, blocks: Blocks = ()) -> Stand:
     """The optimum with the shifts free; also the shifts at which the scene came to stand.
 
-    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed; where the calibration
-    then moved by much, the shape is searched once more. With `blocks`, one a photograph, (N,) the block of every cell,
-    the data weigh less where they do not fit: see `tempering`.
+    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed, and where the
+    calibration then moved by much, the shape is searched once more. All that on a few of the cells; what ends about
+    as well as the best goes on from there with all of them. With `blocks`, one a photograph, (N,) the block of every
+    cell, the data weigh less where they do not fit: see `tempering`.
     """
     nowhere = np.zeros(len(shifts.names))
     if not shifts.names and not blocks:
         return fit(problem), nowhere
-    starts = minima(problem)
-    best, total = _best([_follow(problem, optimum, shifts, nowhere, blocks) for optimum in starts])
-    if not shifts.names or _fallen(starts[0], best) < MISLED:
-        return best, total
-    moved = _moved(problem, shifts, total)
-    return _best([(best, total), *(_follow(problem, optimum, shifts, total, blocks) for optimum in minima(moved))])
+    few, times = thinned(problem), strides(problem)
+    few_blocks = [block[::every] for block, every in zip(blocks, times, strict=False)]
+    starts = search(few)
+    found = [_follow(few, start, shifts, nowhere, few_blocks, rounds=FEW_ROUNDS) for start in starts]
+    if shifts.names and _fallen(starts[0], _best(found)[0]) > MISLED:
+        total = _best(found)[1]
+        again = search(_posed(few, _views(few, shifts, total)))
+        found += [_follow(few, start, shifts, total, few_blocks, rounds=FEW_ROUNDS) for start in again]
+    more = problem.samples / few.samples
+    ends = []
+    for optimum, total in _rivals(found):
+        guess = max(optimum.problem.tempering * more, 1.0) if optimum.problem.tempering > 1.0 else 1.0
+        ends.append(_follow(problem, optimum, shifts, total, blocks, tempering=guess))
+    return _best(ends)
 
 
-def _moved(problem: Problem, shifts: Shifts, total: Floats) -> Problem:
-    """The problem in the shifted scenes, without columns for further shifts."""
-    views = _views(problem, shifts, total)
-    return pose_views(problem.model, views, fresnel=problem.fresnel, tempering=problem.tempering)
+def _rivals(found: Sequence[Stand]) -> list[Stand]:
+    """The best, and those hardly worse that lie elsewhere."""
+    best = _best(found)
+    least = min(optimum.problem.tempering for optimum, _ in found)
+    kept = [best]
+    for stand in found:
+        near = chi2_tempered(stand[0], least) < chi2_tempered(best[0], least) + PLAIN
+        if near and all(_apart(stand[0], other[0]) for other in kept):
+            kept.append(stand)
+    return kept
+
+
+def _apart(one: Optimum, other: Optimum) -> bool:
+    """Whether two optima differ in their shape by more than an sd."""
+    size = one.problem.layout.size
+    sd = np.sqrt(np.diag(inverse(one.joint))[size:])
+    return bool(np.any(np.abs(one.u - other.u) > sd))
 
 
 def _views(problem: Problem, shifts: Shifts, total: Floats) -> list[View]:
+    """The photographs in their shifted scenes."""
+    if not total.any():
+        return list(problem.views)
     return [view.moved(shifted(view.scene, shifts, total, v)) for v, view in enumerate(problem.views)]
 
 
-def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
+def _posed(problem: Problem, views: Sequence[View]) -> Problem:
+    """The problem in other scenes, without columns for further shifts."""
+    return pose_views(problem.model, views, fresnel=problem.fresnel, tempering=problem.tempering)
+
+
+def _best(found: Sequence[Stand]) -> Stand:
     """The pair of least chi-square, all with the weight that the data have where they fit best."""
     least = min(optimum.problem.tempering for optimum, _ in found)
     return min(found, key=lambda pair: chi2_tempered(pair[0], least))
@@ -68,83 +104,125 @@ def _best(found: Sequence[tuple[Optimum, Floats]]) -> tuple[Optimum, Floats]:
 
 def _fallen(start: Optimum, best: Optimum) -> float:
     """How far chi-square fell from where a search ended, with the weight that the data have now."""
-    return chi2_tempered(start, best.problem.tempering) - best.chi2
+    lighter = 1.0 / best.problem.tempering
+    weights = weigh(tuple(w.scaled(lighter) for w in start.weights.weights), start.problem.extras)
+    return project(start.problem, start.u, weights, start.columns).chi2 - best.chi2
 
 
 def _follow(
-    problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats, blocks: Sequence[NDArray[np.intp]]
-) -> tuple[Optimum, Floats]:
+    problem: Problem,
+    start: Optimum,
+    shifts: Shifts,
+    total: Floats,
+    blocks: Blocks,
+    *,
+    tempering: float | None = None,
+    rounds: int = ROUNDS,
+) -> Stand:
     """Gauss-Newton in the shifts, beginning at `total`; a step that makes the picture worse is shortened.
 
-    So are all that follow one which went back on the one before it: where clipped cells change sides from round to
-    round, two places can lead to each other for ever.
+    Where clipped cells change sides from round to round, two places can lead to each other for ever, each of which all
+    but stands: after some rounds that is enough.
     """
-    tempering, reach = tempering_of(optimum, blocks), 1.0
-    last: Floats = np.zeros(len(total))
-    for _ in range(ROUNDS):
-        problem = replace(problem, tempering=tempering)
-        optimum = fit(_linearised(problem, optimum, shifts, total), start=optimum)
-        layout, tempering = optimum.problem.layout, tempering_of(optimum, blocks)
-        moved = optimum.x[len(layout.names) :]
-        sd = np.sqrt(np.diag(inverse(optimum.joint))[len(layout.names) : layout.size])
-        settled = np.all(np.abs(moved) <= np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd))
-        if settled and stands(tempering, problem.tempering):
-            return optimum, total + moved
-        reach *= 0.5 if float(np.sum(moved * last / sd**2)) < 0.0 else 1.0
-        last = _share(problem, optimum, shifts, total, moved) * reach * moved
-        total = total + last
-    return replace(optimum, status=f"calibration not settled after {ROUNDS} rounds"), total
+    here, step = _begun(problem, start, shifts, total, tempering or tempering_of(start, blocks)), 0.0
+    for turn in range(rounds):
+        end, found, step = _tempered_optimum(_linearised(problem, here, shifts, total), here, blocks, step)
+        looser = 1.0 if turn < PATIENCE else LOOSER
+        there = _shared(problem, here, end, shifts, total, 1.0)
+        moved = _moved(end)
+        if stands(found, end.problem.tempering, STANDS**looser) and _settled(end, there, shifts, looser):
+            return end, total + moved
+        here, share = _downhill(problem, here, end, there, shifts, total)
+        tempering, step = next_tempering(end.problem.tempering, found, step)
+        here, total = _tempered(here, tempering), total + share * moved
+    return replace(end, status=f"calibration not settled after {rounds} rounds"), total
 
 
-def _linearised(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats) -> Problem:
-    """The problem with the scenes shifted by `total` and further small shifts as columns."""
+def _moved(end: Optimum) -> Floats:
+    """The further shifts that a linearised problem came to."""
+    return end.x[len(end.problem.layout.names) :]
+
+
+def _settled(end: Optimum, there: Projection, shifts: Shifts, looser: float) -> bool:
+    """Whether a move is so short, or all so linear over it, that its end needs no second look."""
+    layout, moved = end.problem.layout, _moved(end)
+    sd = np.sqrt(np.diag(inverse(end.joint))[len(layout.names) : layout.size])
+    short = np.abs(moved) <= looser * np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)
+    return bool(np.all(short)) or _bend(end, there) <= looser * LINEAR_SD
+
+
+def _begun(problem: Problem, start: Optimum, shifts: Shifts, total: Floats, tempering: float) -> Projection:
+    """At the shape of a neighbouring problem, weighed by what its colours predict."""
+    posed = replace(_posed(start.problem, _views(problem, shifts, total)), tempering=tempering)
+    columns = posed.columns(start.u, derivatives=True)
+    return project(posed, start.u, weights_at(posed, posed.predict(columns, start.x[: posed.layout.size])), columns)
+
+
+def _tempered(here: Projection, tempering: float) -> Projection:
+    """The same place with another weight of the data."""
+    lighter = here.problem.tempering / tempering
+    if lighter == 1.0:
+        return here
+    weights = weigh(tuple(w.scaled(lighter) for w in here.weights.weights), here.problem.extras)
+    return project(replace(here.problem, tempering=tempering), here.u, weights, here.columns)
+
+
+def _linearised(problem: Problem, here: Projection, shifts: Shifts, total: Floats) -> Problem:
+    """With the scenes shifted by `total`, and further small shifts as columns."""
     return pose_views(
         problem.model,
-        _views(problem, shifts, total),
-        fresnel=optimum.problem.fresnel,
-        extras=sensitivity(optimum, problem.views, shifts, total),
+        here.problem.views,
+        fresnel=here.problem.fresnel,
+        extras=sensitivity(here, problem.views, here.problem.views, shifts, total),
         extras_precision=shifts.precision,
         extras_centre=-total,
-        tempering=problem.tempering,
+        tempering=here.problem.tempering,
     )
 
 
-def _share(problem: Problem, optimum: Optimum, shifts: Shifts, total: Floats, moved: Floats) -> float:
+def _tempered_optimum(linear: Problem, here: Projection, blocks: Blocks, step: float) -> tuple[Optimum, float, float]:
+    """The optimum of a linearised problem, in turn with its tempering; the tempering found there, and the last step."""
+    end = refine(linear, here.u, weigh(here.weights.weights, linear.extras), here.columns)
+    found = tempering_of(end, blocks)
+    for _ in range(TEMPERINGS):
+        before = end.problem.tempering
+        if stands(found, before):
+            break
+        tempering, step = next_tempering(before, found, step)
+        weights = weigh(tuple(w.scaled(before / tempering) for w in end.weights.weights), linear.extras)
+        end = refine(replace(end.problem, tempering=tempering), end.at, weights, end.columns)
+        found = tempering_of(end, blocks)
+    return end, found, step
+
+
+def _bend(end: Optimum, there: Projection) -> float:
+    """How far off the linear prediction of a move is, in sds: by no more can it put an unknown wrong."""
+    predicted = there.problem.predict(there.columns, end.x[: there.problem.layout.size])
+    bent = zip(predicted, end.predicted, end.weights.weights, strict=True)
+    return float(np.sqrt(sum(float(w.times(p - q) @ (p - q)) for p, q, w in bent)))
+
+
+def _shared(
+    problem: Problem, here: Projection, end: Optimum, shifts: Shifts, total: Floats, share: float
+) -> Projection:
+    """Where a share of the way leads, not linearised."""
+    moved = _moved(end)
+    posed = _posed(end.problem, _views(problem, shifts, total + share * moved))
+    return project(posed, here.u + share * (end.u - here.u), weigh(end.weights.weights, posed.extras))
+
+
+def _downhill(
+    problem: Problem, here: Projection, end: Optimum, there: Projection, shifts: Shifts, total: Floats
+) -> tuple[Projection, float]:
     """How much of a move to make: all, unless the picture, not linearised, would be worse there than before."""
-    if not len(moved):
-        return 1.0
-    weights, problem = weigh(optimum.weights.weights, problem.extras), replace(problem, fresnel=optimum.problem.fresnel)
-    prior = shifts.precision
+    moved, prior = _moved(end), shifts.precision
 
-    def chi2(values: Floats) -> float:
-        return chi2_at(_moved(problem, shifts, values), optimum.u, weights) + float(values @ prior @ values)
+    def chi2(at: Projection, values: Floats) -> float:
+        return at.chi2 + float(values @ prior @ values)
 
-    here = chi2(total)
-    return next((share for share in SHARES if chi2(total + share * moved) < here), SHARES[-1])
-
-
-def sensitivity(optimum: Optimum, views: Sequence[View], shifts: Shifts, total: Floats) -> tuple[Floats, ...]:
-    """Per channel, the change of the predicted radiance with each shift (n, q), by differences.
-
-    `views` are the photographs as told, `total` the shifts at which the change is asked for.
-    """
-    found: list[Floats] = []
-    steps = np.diag(RELATIVE_STEP * shifts.sd)
-    for v, view in enumerate(views):
-        here = _predicted(optimum, view, shifts, total, v)
-        slopes = [np.zeros((len(values), len(steps))) for values in here]
-        for j in np.flatnonzero(shifts.photograph == v):
-            there = _predicted(optimum, view, shifts, total + steps[j], v)
-            for slope, after, before in zip(slopes, there, here, strict=True):
-                slope[:, j] = (after - before) / steps[j, j]
-        found += slopes
-    return tuple(found)
-
-
-def _predicted(optimum: Optimum, view: View, shifts: Shifts, values: Floats, photograph: int) -> list[Floats]:
-    """What an optimum predicts of one photograph's three channels with the shifts at these values."""
-    problem = optimum.problem
-    there = view.moved(shifted(view.scene, shifts, values, photograph))
-    cols = columns(problem.model, problem.fresnel, there.lights, there.cells, optimum.u)
-    index = problem.layout.index[3 * photograph : 3 * photograph + 3]
-    return [c.matrix @ optimum.x[i] + c.offset for c, i in zip(cols, index, strict=True)]
+    before = chi2(project(here.problem, here.u, weigh(end.weights.weights, here.problem.extras), here.columns), total)
+    for share in SHARES:
+        there = there if share == 1.0 else _shared(problem, here, end, shifts, total, share)
+        if chi2(there, total + share * moved) < before:
+            break
+    return there, share

@@ -15,14 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .cells import Cells, ChannelCells
-from .model import Columns, lit_by
+from .cells import Cells
+from .lit import lit_by
 from .problem import Optimum
 from .views import View
-from .weights import Weights
 
 LEAST_P = 1e-3  # below it the residuals are not taken for noise
 DEGREE = 5  # of the smooth patterns
@@ -39,44 +39,60 @@ def structure_p(optimum: Optimum) -> float:
 
 def structure_chances(optimum: Optimum) -> tuple[float, float]:
     """The chance of as much structure in each channel for itself, and of as much in all channels of a photograph."""
-    problem = optimum.problem
-    columns = problem.columns(optimum.u, derivatives=True)
-    predicted = problem.predict(columns, optimum.x)
-    plain, whole = [], []
-    for view in problem.views:
+    left = [_left(optimum, c) for c in range(len(optimum.problem.channels))]
+    plain, alike = [], []
+    for v, view in enumerate(optimum.problem.views):
+        channels = left[3 * v : 3 * v + 3]
         smooth, waves = _patterns(view)
-        both = np.hstack([smooth, waves])
-        plain += [_on_means(data, smooth) for data in view.cells.channels]
-        whole += [_on_means(data, both) for data in view.cells.channels]
-    left = [
-        _Left(residual=data.value - p, weights=weights, design=_design(optimum, columns[c], c))
-        for c, (data, p, weights) in enumerate(zip(problem.channels, predicted, optimum.weights.weights, strict=True))
-    ]
-    alike = [w * p[:, None] for w, p in zip(whole, predicted, strict=True)]
+        both = np.concatenate([smooth, waves])
+        plain += [one.of(smooth) for one in channels]
+        alike += [one.of(both) * one.predicted for one in channels]
     return _chance(left, plain, optimum.joint, channels=1), _chance(left, alike, optimum.joint, channels=3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Left:
-    """What the fit leaves of one channel (n,), with the derivatives (n, P) of its prediction in all unknowns."""
+    """What the fit leaves of one channel's n means, where their errors and those of their slopes are allowed for.
 
-    residual: Floats
-    weights: Weights
-    design: Floats
+    A pattern over the cells shows in the means alone; what the slopes hold is not asked for.
+    """
+
+    cells: NDArray[np.intp]  # (n,), which of the photograph's
+    predicted: Floats  # (n,)
+    weight: Floats  # (n,), of the means beside each other
+    residual: Floats  # (n,), weighted
+    design: Floats  # (p, n), the derivatives of the prediction in some unknowns, weighted
+    unknowns: NDArray[np.intp]  # (p,), which
+
+    def of(self, patterns: Floats) -> Floats:
+        """Patterns (K, N) at the channel's cells (K, n)."""
+        return patterns if len(self.cells) == patterns.shape[1] else patterns[:, self.cells]
+
+
+def _left(optimum: Optimum, channel: int) -> _Left:
+    data, weights = optimum.problem.channels[channel], optimum.weights.weights[channel]
+    n, (unknowns, slopes) = data.cells, optimum.slopes(channel)
+    return _Left(
+        cells=data.rows[:n],
+        predicted=optimum.predicted[channel][:n],
+        weight=weights.of_means,
+        residual=weights.times(data.value - optimum.predicted[channel])[:n],
+        design=weights.times(slopes)[:, :n],
+        unknowns=unknowns,
+    )
 
 
 def _chance(left: Sequence[_Left], patterns: Sequence[Floats], joint: Floats, *, channels: int) -> float:
-    """Of a score statistic as large as that of patterns (n, K) of each channel; each group of `channels` its own."""
+    """Of a score statistic as large as that of patterns (K, n) of each channel; each group of `channels` its own."""
     from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
 
-    ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns[::channels])])
+    ends = np.cumsum([0, *(len(pattern) for pattern in patterns[::channels])])
     score, kept, across = np.zeros(ends[-1]), np.zeros((ends[-1], ends[-1])), np.zeros((len(joint), ends[-1]))
     for c, (channel, pattern) in enumerate(zip(left, patterns, strict=True)):
         mine = slice(ends[c // channels], ends[c // channels + 1])
-        here = channel.weights.times(pattern.T).T
-        score[mine] += here.T @ channel.residual
-        kept[mine, mine] += here.T @ pattern
-        across[:, mine] += channel.design.T @ here
+        score[mine] += pattern @ channel.residual
+        kept[mine, mine] += (pattern * channel.weight) @ pattern.T
+        across[channel.unknowns, mine] += channel.design @ pattern.T
     rest = kept - across.T @ np.linalg.solve(joint, across)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(kept), 1e-300))
     values, vectors = np.linalg.eigh(rest * scale[:, None] * scale)
@@ -86,11 +102,11 @@ def _chance(left: Sequence[_Left], patterns: Sequence[Floats], joint: Floats, *,
 
 
 def _patterns(view: View) -> tuple[Floats, Floats]:
-    """Smooth polynomials over the disc and rings about each highlight (N, K), and waves around the rings (N, L)."""
+    """Smooth polynomials over the disc and rings about each highlight (K, N), and waves around the rings (L, N)."""
     scene, cells = view.scene, view.cells
     (cx, cy), radius = scene.sphere.centre_px, scene.sphere.radius_px
-    x, y = (np.vander((at - c) / radius, DEGREE + 1, increasing=True) for at, c in ((cells.x_px, cx), (cells.y_px, cy)))
-    smooth = [x[:, i] * y[:, j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
+    x, y = (_powers((at - centre) / radius) for at, centre in ((cells.x_px, cx), (cells.y_px, cy)))
+    smooth = [x[i] * y[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
     rings: list[Floats] = []
     waves: list[Floats] = []
     for lit in lit_by(scene, cells.x_px, cells.y_px):
@@ -99,13 +115,13 @@ def _patterns(view: View) -> tuple[Floats, Floats]:
         turning = [f(m * around) for m in WAVES for f in (np.cos, np.sin)]
         rings += mine
         waves += [ring * wave for ring in mine for wave in turning]
-    return np.stack([*smooth, *rings], axis=1), np.stack(waves, axis=1)
+    return np.stack([*smooth, *rings]), np.stack(waves)
 
 
-def _on_means(data: ChannelCells, patterns: Floats) -> Floats:
-    """Patterns over the cells as they show in one channel's means; what its slopes hold is not asked for."""
-    found = np.zeros((len(data.rows), patterns.shape[1]))
-    found[: data.cells] = patterns[data.rows[: data.cells]]
+def _powers(values: Floats) -> list[Floats]:
+    found: list[Floats] = [np.ones(len(values))]
+    for _ in range(DEGREE):
+        found.append(found[-1] * values)
     return found
 
 
@@ -116,16 +132,3 @@ def _rings(theta: Floats) -> list[Floats]:
 def _around(cells: Cells, middle: int) -> Floats:
     """Azimuth of the cells about one of them, rad."""
     return np.asarray(np.arctan2(cells.y_px - cells.y_px[middle], cells.x_px - cells.x_px[middle]))
-
-
-def _design(optimum: Optimum, columns: Columns, channel: int) -> Floats:
-    """Derivative of one channel's prediction in all unknowns (n, P): colours, shifts, shape."""
-    layout = optimum.problem.layout
-    index = layout.index[channel]
-    here = optimum.x[index]
-    result = np.zeros((len(columns.offset), len(optimum.joint)))
-    result[:, index] = columns.matrix
-    result[:, len(layout.names) : layout.size] = optimum.problem.extras[channel]
-    for d, (matrix, offset) in enumerate(zip(columns.d_matrix, columns.d_offset, strict=True)):
-        result[:, layout.size + d] = matrix @ here + offset
-    return result

@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import by_block
+from .blocks import centred, scores_of
 from .descend import misfit_root
 from .normal import inverse, weigh
 from .problem import Optimum
 
-STANDS = 1.2  # a factor by which the tempering may still change
+STANDS = 1.04  # a factor by which the tempering may still change
 
 
 def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
@@ -32,17 +32,31 @@ def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
     if not blocks:
         return 1.0
     tempering = optimum.problem.tempering
-    if tempering == 1.0 and misfit_root(optimum.chi2, optimum.weights.counted) == 0.0:
+    if tempering == 1.0 and misfit_root(optimum.chi2, optimum.weights.counted, 1.0) == 0.0:
         return 1.0
-    found, covariance = by_block(optimum, *blocks), inverse(optimum.joint)
-    scores = found.centred()
+    covariance, size = inverse(optimum.joint), optimum.problem.layout.size
+    scores = centred(scores_of(optimum, *blocks))
     spread = float(np.sum((scores @ covariance) * scores))
-    return max(tempering * spread / float(np.sum(covariance * found.information.sum(axis=0))), 1.0)
+    known = float(np.sum(covariance[:size, :size] * optimum.problem.prior.precision))
+    known += float(np.diag(covariance)[size:] @ optimum.problem.shape_precision)
+    return max(tempering * spread / (len(covariance) - known), 1.0)
 
 
-def stands(tempering: float, before: float) -> bool:
+def stands(tempering: float, before: float, within: float = STANDS) -> bool:
     """Whether a tempering is as good as the one before it."""
-    return bool(max(tempering, before) <= STANDS * min(tempering, before))
+    return bool(max(tempering, before) <= within * min(tempering, before))
+
+
+def next_tempering(tempering: float, found: float, last: float) -> tuple[float, float]:
+    """The next one to try where this one led to another, and the step to it in the logarithm, as `last` was.
+
+    Where clipped cells change sides the tempering jumps, and two of them can lead to each other for ever: a step that
+    turns back goes half the way.
+    """
+    step = float(np.log(found / tempering))
+    if step * last < 0.0:
+        step = float(np.copysign(0.5 * min(abs(step), abs(last)), step))
+    return tempering * float(np.exp(step)), step
 
 
 def by_noise_alone(optimum: Optimum) -> Optimum:
@@ -51,7 +65,7 @@ def by_noise_alone(optimum: Optimum) -> Optimum:
     if tempering == 1.0:
         return optimum
     weights = weigh(tuple(w.scaled(tempering) for w in optimum.weights.weights), problem.extras)
-    normal = problem.assemble(problem.columns(optimum.u, derivatives=True), weights, optimum.x)
+    normal = problem.assemble(optimum.columns, weights, optimum.x)
     return replace(optimum, problem=problem, weights=weights, joint=normal.matrix, chi2=normal.squares)
 
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Noise, Scene
 
 from .cells import Cells
-from .model import Lit, lit_by
+from .lit import Lit, lit_on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,15 +21,17 @@ class View:
     gathered: Cells  # as the pixels are
     noise: Noise
     cells: Cells  # as wide as the scene's camera makes them
-    lights: tuple[Lit, ...]  # at the cells' nodes
+    seen: Surface  # at the cells' nodes
+    lights: tuple[Lit, ...]  # there
     whole: bool  # whether sized lights are left whole
 
     @classmethod
     def of(cls, scene: Scene, gathered: Cells, noise: Noise, *, whole: bool = False) -> View:
         """With the lights worked out at the cells."""
         cells = gathered.blurred(scene.camera.blur_px2)
-        lights = lit_by(scene, *cells.nodes(), whole=whole)
-        return cls(scene=scene, gathered=gathered, noise=noise, cells=cells, lights=lights, whole=whole)
+        seen = surface(scene.camera, scene.sphere, *cells.nodes())
+        lights = lit_on(scene, seen, whole=whole)
+        return cls(scene=scene, gathered=gathered, noise=noise, cells=cells, seen=seen, lights=lights, whole=whole)
 
     def moved(self, scene: Scene) -> View:
         """The same samples, seen in another scene."""

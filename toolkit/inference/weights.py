@@ -7,9 +7,10 @@ L^T diag(each) L with L = (1, 0, 0; -lean_x, 1, 0; -lean_y, 0, 1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats, Noise, readonly
 
@@ -22,6 +23,8 @@ class Weights:
 
     each: Floats  # (m,)
     lean: Floats  # (2, n), error of the slopes in x and in y for each unit of the mean's; (0, n) without slopes
+    clipped: NDArray[np.intp]  # (k,), which of the data are only bounds from below
+    short: Floats  # (k,), what each of these weighs where the prediction falls short of it; elsewhere nothing
 
     def __post_init__(self) -> None:
         readonly(self)
@@ -31,9 +34,23 @@ class Weights:
         """How many data count."""
         return int(np.count_nonzero(self.each))
 
+    @property
+    def of_means(self) -> Floats:
+        """The weights matrix's diagonal at the means (n,), between which it has nothing else."""
+        each = self.each.reshape(-1, self.each.size // max(len(self.lean) + 1, 1))
+        return np.asarray(each[0] + np.sum(self.lean**2 * each[1:], axis=0))
+
     def scaled(self, factor: float) -> Weights:
         """All of them times a factor."""
-        return self if factor == 1.0 else Weights(each=self.each * factor, lean=self.lean)
+        return self if factor == 1.0 else replace(self, each=self.each * factor, short=self.short * factor)
+
+    def sided(self, short: NDArray[np.bool_]) -> Weights:
+        """With those of the clipped data (k,) counted that the prediction falls short of; itself if these did count."""
+        if np.array_equal(self.each[self.clipped] > 0.0, short):
+            return self
+        each = self.each.copy()
+        each[self.clipped] = np.where(short, self.short, 0.0)
+        return replace(self, each=each)
 
     def apart(self, rows: Floats) -> Floats:
         """L times rows of data (..., m): their errors are independent, with `each` for weights."""
@@ -60,8 +77,9 @@ def weights_of(data: ChannelCells, noise: Noise, channel: int, predicted: Floats
     signal, slopes = predicted[:n], predicted[n:].reshape(-1, n)
     variance = noise.variance(signal, channel)
     each = data.count.reshape(-1, n) / variance
-    if data.censored.any():
-        each[0, data.censored & (signal >= data.means)] = 0.0
-        each[1:, data.censored] = 0.0
+    clipped = np.flatnonzero(data.censored)
+    short = each[0, clipped]
+    each[:, clipped] = 0.0
     lean = (noise.variance(signal + slopes, channel) - variance) / variance
-    return Weights(each=each.ravel(), lean=np.clip(lean, -1.0, 1.0))
+    found = Weights(each=each.ravel(), lean=np.clip(lean, -1.0, 1.0), clipped=clipped, short=short)
+    return found.sided(predicted[clipped] < data.value[clipped])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,46 @@ class Cosines:
             r_dot_v=piece(self.r_dot_v),
             source_radius_rad=self.source_radius_rad,
         )
+
+    def stepped(self, step: float) -> tuple[Cosines, Cosines, Cosines]:
+        """With n.l less by a small `step`, with n.v less by it, with l.v more by it, the other two as they are.
+
+        Each turns the normal away from the half vector: there are such vectors even at a highlight's centre.
+        """
+        turn = step / (2.0 * self.l_dot_h)
+        aside = replace(self, n_dot_h=self.n_dot_h - turn, sin2_h=self.sin2_h + turn * (2.0 * self.n_dot_h - turn))
+        less_lit, less_seen = np.maximum(self.n_dot_l - step, 0.0), np.maximum(self.n_dot_v - step, 0.0)
+        nearer = per_place(self.l_dot_h, lambda cosine: np.sqrt(np.square(cosine) + 0.5 * step))
+        short = np.square(self.l_dot_h / nearer)  # of |l + v|, squared: before over after
+        return (
+            replace(aside, n_dot_l=less_lit, r_dot_v=self.r_dot_v - 2.0 * step * self.n_dot_v),
+            replace(aside, n_dot_v=less_seen, r_dot_v=self.r_dot_v - 2.0 * step * self.n_dot_l),
+            replace(
+                self,
+                l_dot_v=self.l_dot_v + step,
+                l_dot_h=nearer,
+                n_dot_h=self.n_dot_h * np.sqrt(short),
+                sin2_h=self.sin2_h + np.square(self.n_dot_h) * (1.0 - short),
+                r_dot_v=self.r_dot_v - step,
+            ),
+        )
+
+
+def per_place(values: Floats, function: Callable[[Floats], Floats]) -> Floats:
+    """A function of values over places; one that is repeated without being stored stays so."""
+    found = function(once(values))
+    return np.asarray(found) if any(values.strides) else np.broadcast_to(found, values.shape)
+
+
+def once(values: Floats) -> Floats:
+    """One that is repeated without being stored as a single one, of as many axes; others as they are."""
+    return values if any(values.strides) else values[(slice(1),) * values.ndim]
+
+
+def dots(normal: Floats, light: Floats, view: Floats) -> tuple[Floats, Floats, Floats]:
+    """n.l, n.v and l.v of unit vectors (..., 3), not clipped; of vectors that are repeated everywhere once only."""
+    n, to_light, to_view = (_parts(vectors) for vectors in (normal, light, view))
+    return _dot(n, to_light), _dot(n, to_view), _dot(to_light, to_view)
 
 
 def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats]) -> tuple[Floats, ...]:
