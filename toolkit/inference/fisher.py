@@ -15,7 +15,7 @@ from toolkit.records import Floats
 
 from .normal import inverse
 from .nuisances import Shifts
-from .problem import Optimum, Problem, pose_views, weights_at
+from .problem import Optimum, Problem, weights_at
 from .sensitivity import sensitivity
 
 Truth = Mapping[str, Floats | float]
@@ -32,15 +32,11 @@ def bound_sds(problem: Problem, truth: Truth, shifts: Shifts) -> dict[str, Float
     if "specular_f0" in truth:  # a dielectric's tangent touches at the truth
         problem = replace(problem, fresnel=replace(problem.fresnel, f0=float(np.mean(truth["specular_f0"]))))
     there = at_truth(problem, truth)
-    linear = pose_views(
-        problem.model,
-        problem.views,
-        fresnel=problem.fresnel,
-        extras=sensitivity(there, problem.views, problem.views, shifts, np.zeros(len(shifts.names))),
-        extras_precision=shifts.precision,
-    )
+    nowhere = np.zeros(len(shifts.names))
+    extras = sensitivity(there, problem.views, problem.views, shifts, nowhere)
+    linear = problem.with_extras(extras, shifts.precision, nowhere)
     columns = linear.columns(there.u, derivatives=True)
-    x = np.concatenate([there.x, np.zeros(len(shifts.names))])
+    x = np.concatenate([there.x, nowhere])
     weights = weights_at(linear, linear.predict(columns, x))
     covariance = inverse(linear.assemble(columns, weights, x).matrix)
     sd = np.sqrt(np.diag(covariance))

@@ -22,6 +22,15 @@ class Lit:
     falloff: Floats
     schlick: Floats
 
+    def thinned(self, every: int) -> Lit:
+        """At one place in so many along the last axis."""
+
+        def piece(values: Floats) -> Floats:
+            few = values[..., ::every]
+            return np.ascontiguousarray(few) if any(few.strides) else few
+
+        return replace(self, cosines=self.cosines.part(piece), falloff=piece(self.falloff), schlick=piece(self.schlick))
+
     def at(self, cosines: Cosines) -> Lit:
         """The same light at other cosines."""
         return replace(self, cosines=cosines, schlick=_schlick(cosines))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.linalg.lapack import dposv
 
 from toolkit.records import Floats, readonly
@@ -42,7 +43,7 @@ class Layout:
         return np.asarray(values[..., where])
 
 
-def lay_out(names: tuple[str, ...], *, neutral: bool, extras: int, photographs: int = 1) -> Layout:
+def lay_out(names: tuple[str, ...], *, neutral: bool, photographs: int = 1) -> Layout:
     """One coefficient a channel for every column, but for shared ones and, where `neutral`, the specular ones.
 
     Photographs share all of them but the pedestal: that of the second is `pedestal_2`.
@@ -54,7 +55,7 @@ def lay_out(names: tuple[str, ...], *, neutral: bool, extras: int, photographs: 
         for channel in range(3):
             keys = [(name, None if _is_shared(name, neutral=neutral) else channel) for name in own]
             index.append(np.array([order.setdefault(key, len(order)) for key in keys], np.intp))
-    return Layout(names=tuple(order), index=tuple(index), extras=extras)
+    return Layout(names=tuple(order), index=tuple(index), extras=0)
 
 
 def numbered(name: str, photograph: int) -> str:
@@ -77,6 +78,16 @@ class Prior:
 
     def __post_init__(self) -> None:
         readonly(self)
+
+    def joined(self, precision: Floats, centre: Floats) -> Prior:
+        """With that of further unknowns, independent of these and of any size."""
+        anywhere = np.full(len(centre), np.inf)
+        return Prior(
+            precision=block_diag(self.precision, precision),
+            centre=np.concatenate([self.centre, centre]),
+            low=np.concatenate([self.low, -anywhere]),
+            high=np.concatenate([self.high, anywhere]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

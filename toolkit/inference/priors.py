@@ -6,17 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.records import Floats
-
 from .normal import Layout, Prior, numbered
 from .views import View, irradiance_scale, signal_scale
 
 PEDESTAL_SD = 0.002  # prior of the black level's error, of the signal's 99th percentile
 
 
-def prior_of(
-    layout: Layout, views: Sequence[View], extras_precision: Floats | None, extras_centre: Floats | None
-) -> Prior:
+def prior_of(layout: Layout, views: Sequence[View]) -> Prior:
     """Of the linear unknowns: colours at least 0 with a prior too wide to matter, F0 at most 1, pedestals near 0."""
     signals = {numbered("pedestal", v): max(signal_scale(view.cells), 1e-12) for v, view in enumerate(views)}
     bright = max(signals[numbered("pedestal", v)] / irradiance_scale(view.scene) for v, view in enumerate(views))
@@ -27,11 +23,4 @@ def prior_of(
             low[i] = -np.inf
         if name == "specular_f0":
             high[i] = 1.0
-    named = len(layout.names)
-    low[named:] = -np.inf
-    if extras_precision is not None:
-        precision[named:, named:] = extras_precision
-    centre = np.zeros(layout.size)
-    if extras_centre is not None:
-        centre[named:] = extras_centre
-    return Prior(precision=precision, centre=centre, low=low, high=high)
+    return Prior(precision=precision, centre=np.zeros(layout.size), low=low, high=high)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -47,6 +47,15 @@ class Problem:
     def scale(self) -> Literal["absolute", "relative"]:
         """Absolute where one photograph's irradiance is known."""
         return scale_of([view.scene for view in self.views])
+
+    def with_extras(self, extras: tuple[Floats, ...], precision: Floats, centre: Floats) -> Problem:
+        """With further columns (n, q) per channel, shared by all, and their Gaussian prior."""
+        return replace(
+            self,
+            extras=extras,
+            layout=replace(self.layout, extras=len(centre)),
+            prior=self.prior.joined(precision, centre),
+        )
 
     def columns(self, u: Floats, *, derivatives: bool = False, evaluate: Evaluate | None = None) -> Evaluated:
         """The model's columns at one shape."""
@@ -118,27 +127,22 @@ def pose_views(
     views: Sequence[View],
     *,
     fresnel: Fresnel | None = None,
-    extras: tuple[Floats, ...] | None = None,
-    extras_precision: Floats | None = None,
-    extras_centre: Floats | None = None,
     tempering: float = 1.0,
 ) -> Problem:
     """Set up the fit of several photographs of one material.
 
-    `extras` are further shared columns per channel with their Gaussian prior; `fresnel` how F is known to enter;
-    `tempering` how many times less than by their noise the data weigh.
+    `fresnel` tells how F is known to enter; `tempering` how many times less than by their noise the data weigh.
     """
     views = [view.under_whole_lights() if model.specular.sees_source else view for view in views]
     fresnel = fresnel or fresnel_of(model, [view.scene for view in views])
-    extras = extras or tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
-    layout = lay_out(names_of(model, fresnel), neutral=model.neutral, extras=extras[0].shape[1], photographs=len(views))
+    layout = lay_out(names_of(model, fresnel), neutral=model.neutral, photographs=len(views))
     return Problem(
         model=model,
         views=tuple(views),
         fresnel=fresnel,
         layout=layout,
-        prior=prior_of(layout, views, extras_precision, extras_centre),
-        extras=extras,
+        prior=prior_of(layout, views),
+        extras=tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels),
         tempering=tempering,
     )
 

@@ -18,7 +18,7 @@ from .descend import Projection, project
 from .fit import PLAIN, fit
 from .normal import inverse, weigh
 from .nuisances import Shifts, shifted
-from .problem import Optimum, Problem, pose_views, weights_at
+from .problem import Optimum, Problem, weights_at
 from .refine import refine
 from .search import search, strides, thinned
 from .sensitivity import sensitivity
@@ -55,7 +55,7 @@ def fit_with_shifts(problem: Problem, shifts: Shifts, blocks: Blocks = ()) -> St
     found = [_follow(few, start, shifts, nowhere, few_blocks, rounds=FEW_ROUNDS) for start in starts]
     if shifts.names and _fallen(starts[0], _best(found)[0]) > MISLED:
         total = _best(found)[1]
-        again = search(_posed(few, _views(few, shifts, total)))
+        again = search(replace(few, views=_views(few, shifts, total)))
         found += [_follow(few, start, shifts, total, few_blocks, rounds=FEW_ROUNDS) for start in again]
     more = problem.samples / few.samples
     ends = []
@@ -84,16 +84,11 @@ def _apart(one: Optimum, other: Optimum) -> bool:
     return bool(np.any(np.abs(one.u - other.u) > sd))
 
 
-def _views(problem: Problem, shifts: Shifts, total: Floats) -> list[View]:
+def _views(problem: Problem, shifts: Shifts, total: Floats) -> tuple[View, ...]:
     """The photographs in their shifted scenes."""
     if not total.any():
-        return list(problem.views)
-    return [view.moved(shifted(view.scene, shifts, total, v)) for v, view in enumerate(problem.views)]
-
-
-def _posed(problem: Problem, views: Sequence[View]) -> Problem:
-    """The problem in other scenes, without columns for further shifts."""
-    return pose_views(problem.model, views, fresnel=problem.fresnel, tempering=problem.tempering)
+        return problem.views
+    return tuple(view.moved(shifted(view.scene, shifts, total, v)) for v, view in enumerate(problem.views))
 
 
 def _best(found: Sequence[Stand]) -> Stand:
@@ -153,7 +148,8 @@ def _settled(end: Optimum, there: Projection, shifts: Shifts, looser: float) -> 
 
 def _begun(problem: Problem, start: Optimum, shifts: Shifts, total: Floats, tempering: float) -> Projection:
     """At the shape of a neighbouring problem, weighed by what its colours predict."""
-    posed = replace(_posed(start.problem, _views(problem, shifts, total)), tempering=tempering)
+    views = _views(problem, shifts, total)
+    posed = replace(problem, views=views, fresnel=start.problem.fresnel, tempering=tempering)
     columns = posed.columns(start.u, derivatives=True)
     return project(posed, start.u, weights_at(posed, posed.predict(columns, start.x[: posed.layout.size])), columns)
 
@@ -169,15 +165,8 @@ def _tempered(here: Projection, tempering: float) -> Projection:
 
 def _linearised(problem: Problem, here: Projection, shifts: Shifts, total: Floats) -> Problem:
     """With the scenes shifted by `total`, and further small shifts as columns."""
-    return pose_views(
-        problem.model,
-        here.problem.views,
-        fresnel=here.problem.fresnel,
-        extras=sensitivity(here, problem.views, here.problem.views, shifts, total),
-        extras_precision=shifts.precision,
-        extras_centre=-total,
-        tempering=here.problem.tempering,
-    )
+    extras = sensitivity(here, problem.views, here.problem.views, shifts, total)
+    return here.problem.with_extras(extras, shifts.precision, -total)
 
 
 def _tempered_optimum(linear: Problem, here: Projection, blocks: Blocks, step: float) -> tuple[Optimum, float, float]:
@@ -207,7 +196,8 @@ def _shared(
 ) -> Projection:
     """Where a share of the way leads, not linearised."""
     moved = _moved(end)
-    posed = _posed(end.problem, _views(problem, shifts, total + share * moved))
+    views = _views(problem, shifts, total + share * moved)
+    posed = replace(here.problem, views=views, fresnel=end.problem.fresnel, tempering=end.problem.tempering)
     return project(posed, here.u + share * (end.u - here.u), weigh(end.weights.weights, posed.extras))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,18 @@ class View:
 
     def thinned(self, every: int) -> View:
         """One cell in `every`, for a first search."""
-        return View.of(self.scene, self.gathered.thinned(every), self.noise, whole=self.whole)
+        few = self.gathered.thinned(every)
+        return replace(
+            self,
+            gathered=few,
+            cells=few if self.cells is self.gathered else self.cells.thinned(every),
+            seen=Surface(
+                normal=self.seen.normal[..., ::every, :],
+                view=self.seen.view[..., ::every, :],
+                on_sphere=self.seen.on_sphere[..., ::every],
+            ),
+            lights=tuple(light.thinned(every) for light in self.lights),
+        )
 
     def under_whole_lights(self) -> View:
         """For a lobe that holds a light's disc itself."""
