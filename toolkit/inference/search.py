@@ -47,23 +47,29 @@ def search(few: Problem) -> list[Optimum]:
 
 
 def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:
-    """Where to descend from, best first: along a single number the valleys of the grid, else its best points."""
+    """Where to descend from, best first: the valleys of lines along a highlight's one number, else a grid's points."""
     grid = np.array(_grid(problem.model))
-    chi2 = np.concatenate([_chi2_of(problem, part, weights) for part in np.array_split(grid, -(-len(grid) // GRID))])
-    order = np.argsort(chi2, kind="stable")
-    if grid.shape[1] > 1:
-        return _far_apart(list(grid[order]), apart)
+    rows = grid.reshape(-1, grid.shape[-1])
+    chi2 = np.concatenate([_chi2_of(problem, part, weights) for part in np.array_split(rows, -(-len(rows) // GRID))])
+    found = [
+        start for line, fits in zip(grid, chi2.reshape(grid.shape[:2]), strict=True) for start in _valleys(line, fits)
+    ]
+    return _far_apart([u for _, u in sorted(found, key=lambda start: start[0])], apart)
+
+
+def _valleys(line: Floats, chi2: Floats) -> list[tuple[float, Floats]]:
+    """The chi-squares and places (D,) that are lowest among their neighbours along a line of shapes (n, D)."""
     walled = np.concatenate([[np.inf], chi2, [np.inf]])
     valley = (chi2 <= walled[:-2]) & (chi2 <= walled[2:])
-    return [_bottom(grid[:, 0], chi2, i) for i in order if valley[i]]
+    return [(float(chi2[i]), _bottom(line, chi2, i)) for i in range(len(line)) if valley[i]]
 
 
 def _bottom(u: Floats, chi2: Floats, i: int) -> Floats:
-    """The lowest point of the parabola through a point of the grid and its neighbours."""
+    """The lowest point of the parabola through a point of a line and its neighbours."""
     if i in (0, len(u) - 1):
-        return u[i : i + 1]
+        return np.asarray(u[i])
     left, right = chi2[i - 1] - chi2[i], chi2[i + 1] - chi2[i]
-    return np.asarray(u[i : i + 1] + 0.5 * (u[i + 1] - u[i]) * (left - right) / max(left + right, 1e-300))
+    return np.asarray(u[i] + 0.5 * (u[i + 1] - u[i]) * (left - right) / max(left + right, 1e-300))
 
 
 def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
@@ -84,13 +90,17 @@ def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
     return kept
 
 
-def _grid(model: Model) -> list[Floats]:
-    """Shapes spread over the box: evenly along a single number, else the products of the lobes' own starts."""
+def _grid(model: Model) -> list[list[Floats]]:
+    """Lines of shapes over the box: evenly along a highlight's one number, at each start of the body's; else points.
+
+    With a highlight far from its place, a body's number takes up what it can and ends where it is told nothing.
+    """
     low, high = model.bounds()
-    if len(low) == 1:
-        return [np.array([v]) for v in np.linspace(low[0], high[0], GRID)]
     starts = [[np.log(s) if p.log else s for s in p.starts] for p in model.parameters]
-    return [np.array(point) for point in product(*starts)]
+    if len(model.specular.parameters) != 1:
+        return [[np.array(point)] for point in product(*starts)]
+    line = np.linspace(low[0], high[0], GRID)
+    return [[np.array([u, *body]) for u in line] for body in product(*starts[1:])]
 
 
 def _provisional(problem: Problem) -> Weighing:
