@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -144,6 +144,7 @@ def _of_draws(of: Simulation, fit: Fit) -> Iterator[Line]:
     box = {p.name: _range(p) for p in of.model.parameters} | {name: (0.0, most) for name, most in MOST.items()}
     inside = [((low <= draws[n]) & (draws[n] <= high)).all(axis=1) for n, (low, high) in box.items() if n in draws]
     kept = np.flatnonzero(np.all(inside, axis=0))
+    kept = kept if len(kept) else np.arange(len(inside[0]))  # all are elsewhere, and the truth at their end
     kept = kept[np.linspace(0, len(kept) - 1, min(DRAWS, len(kept))).round().astype(int)]
     for name, true in of.truth.items():
         for channel, value in enumerate(true):
@@ -154,10 +155,11 @@ def _of_draws(of: Simulation, fit: Fit) -> Iterator[Line]:
 
 
 def _of_shifts(of: Simulation, fit: Fit) -> Iterator[Line]:
-    """Calibration has no draws in a result, but a mean and an sd."""
+    """Calibration has no draws in a result, but a mean and an sd: ranks among as many draws of a Gaussian."""
     for name, true in of.shifts.items():
         mean, sd = fit.nuisances[name]
-        yield _number(name, None, true, mean, sd, float(norm.cdf((true - mean) / sd)))
+        below = min(int(norm.cdf((true - mean) / sd) * (DRAWS + 1)), DRAWS)
+        yield _number(name, None, true, mean, sd, (below + 0.5) / (DRAWS + 1))
 
 
 def _number(name: str, channel: int | None, truth: float, mean: float, sd: float, rank: float) -> Line:
@@ -201,18 +203,17 @@ def _key(line: Line) -> tuple[str, str, int, bool]:
     return line["model"], line["diffuse"], line["number"], line["discrepancy"]
 
 
-def main(path: Path) -> None:
-    """The table, as Markdown."""
-    lines = _all(path)
-    sys.stdout.write("| model | 90 % held | with discrepancy | least even ranks | chance of less even ones |\n")
-    sys.stdout.write("|---|---|---|---|---|\n")
+def table(lines: Sequence[Line]) -> Iterator[str]:
+    """The rows, as Markdown."""
+    yield "| model | simulations | 90 % held | with discrepancy | least even ranks | chance |"
+    yield "|---|---|---|---|---|---|"
     for pair in MODELS:
-        off, on = (
-            score([x for x in lines if (x["model"], x["diffuse"], x["discrepancy"]) == (*pair, d)]) for d in COUNTS
-        )
-        (chance, name), held = least_even(off), [100.0 * of.all.coverage[0.9] for of in (off, on)]
-        sys.stdout.write(f"| {off.models[0].name} | {held[0]:.1f} % | {held[1]:.1f} % | `{name}` | {chance:.2g} |\n")
+        mine = [line for line in lines if (line["model"], line["diffuse"]) == pair]
+        off, on = (score([line for line in mine if line["discrepancy"] == discrepancy]) for discrepancy in COUNTS)
+        (chance, name), held = least_even(off), [f"{100.0 * of.all.coverage[0.9]:.1f} %" for of in (off, on)]
+        counts = f"{off.renders}, {on.renders}"
+        yield f"| {off.models[0].name} | {counts} | {' | '.join(held)} | `{name}` | {chance:.2g} |"
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    sys.stdout.write("".join(f"{row}\n" for row in table(_all(Path(sys.argv[1])))))

@@ -12,13 +12,13 @@ from pipelines.validate.score import score, z_of
 from pipelines.validate.verdict import BAND_90, FAMILY_WISE
 from tests.validation.simulations import Pair, least_even, line_of, simulated
 
+OVER_LAMBERT = sum(diffuse == "lambert" for _, diffuse in MODELS)
 PAIRS = pytest.mark.parametrize("pair", MODELS, ids=" over ".join)
 
 
-@pytest.mark.parametrize("discrepancy", [False, True])
-def test_intervals_hold_over_a_hundred_simulations(discrepancy: bool) -> None:
-    """All models in turn: 81 to 97 % of the 90 % intervals."""
-    lines = [line_of(MODELS[seed % len(MODELS)], seed, discrepancy=discrepancy) for seed in range(100)]
+def test_intervals_hold_over_a_hundred_simulations() -> None:
+    """The models over Lambert in turn: 81 to 97 % of the 90 % intervals; the slow tests have the others, too."""
+    lines = [line_of(MODELS[seed % OVER_LAMBERT], seed, discrepancy=False) for seed in range(100)]
     assert 0.81 <= score(lines).all.coverage[0.9] <= 0.97
     z = np.array([z_of(number) for line in lines for number in line["numbers"]])
     assert np.mean(np.abs(2.0 * z) <= norm.isf(0.05)) < 0.81  # the control: sds of half the size would be noticed
