@@ -24,9 +24,10 @@ def test_intervals_hold_over_a_hundred_simulations() -> None:
     assert np.mean(np.abs(2.0 * z) <= norm.isf(0.05)) < 0.81  # the control: sds of half the size would be noticed
 
 
-def test_a_body_is_found_though_the_search_begins_beside_its_highlight() -> None:
-    """A Wolff body's index ran to its range's end, a second valley, while the highlight was not in its place yet."""
-    line = line_of(("torrance-sparrow", "wolff"), 13, discrepancy=False)
+@pytest.mark.parametrize(("pair", "seed"), [(("torrance-sparrow", "wolff"), 13), (("beckmann", "oren-nayar"), 119)])
+def test_a_body_is_found_though_the_search_begins_beside_its_highlight(pair: Pair, seed: int) -> None:
+    """The first's index ran to a second valley at its range's end, the second's radius 14 prior sds away for good."""
+    line = line_of(pair, seed, discrepancy=False)
     assert max(abs(z_of(number)) for number in line["numbers"]) < 4.0
 
 

@@ -32,6 +32,7 @@ SETTLED_PRIOR_SD = 0.01  # or prior sds, where a wrong model makes the posterior
 LINEAR_SD = 0.02  # by which the bend of a move may shift the answer
 TEMPERINGS = 4  # of one linearised problem, at most
 SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
+LONGEST_SD = 4.0  # prior sds of a shift that one move takes at most: what is linear ends long before
 MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
 
 Blocks = Sequence[NDArray[np.intp]]
@@ -204,14 +205,15 @@ def _shared(
 def _downhill(
     problem: Problem, here: Projection, end: Optimum, there: Projection, shifts: Shifts, total: Floats
 ) -> tuple[Projection, float]:
-    """How much of a move to make: all, unless the picture, not linearised, would be worse there than before."""
+    """How much of a move to make: all, unless it is too long or the picture, not linearised, would be worse there."""
     moved, prior = _moved(end), shifts.precision
 
     def chi2(at: Projection, values: Floats) -> float:
         return at.chi2 + float(values @ prior @ values)
 
     before = chi2(project(here.problem, here.u, weigh(end.weights.weights, here.problem.extras), here.columns), total)
-    for share in SHARES:
+    most = min(1.0, LONGEST_SD / float(np.max(np.abs(moved) / shifts.sd, initial=LONGEST_SD)))
+    for share in (most * part for part in SHARES):
         there = there if share == 1.0 else _shared(problem, here, end, shifts, total, share)
         if chi2(there, total + share * moved) < before:
             break
