@@ -16,7 +16,7 @@ from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
-from toolkit.inference.normal import Prior, bounded, inverse
+from toolkit.inference.normal import Prior, bounded, bounded_each, inverse
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.inference.settle import fit_with_shifts
@@ -195,7 +195,7 @@ def _z(optimum: object) -> np.ndarray:
 
 
 def test_the_bounded_solution_is_scipys() -> None:
-    """The active set ends where scipy's bounded least squares ends."""
+    """The active set ends where scipy's bounded least squares ends, for one system as for several at once."""
     rng = np.random.default_rng(8)
     for _ in range(50):
         a, b = rng.standard_normal((12, 5)), rng.standard_normal(12)
@@ -204,3 +204,5 @@ def test_the_bounded_solution_is_scipys() -> None:
         truth = scipy.optimize.lsq_linear(a, b, (0.0, 0.4), tol=1e-12).x
         assert x == pytest.approx(truth, abs=1e-5)
         assert np.array_equal(on_bound, (x <= 0) | (x >= 0.4))
+        each = bounded_each(np.stack([a.T @ a, np.eye(5)]), np.stack([a.T @ b, np.full(5, 0.2)]), prior)
+        assert each == pytest.approx(np.stack([truth, np.full(5, 0.2)]), abs=1e-5)

@@ -305,17 +305,25 @@ def _channels(
     `blocks` hold for each light, then for the shape and each of its numbers, the terms at the nodes.
     """
     shared: dict[tuple[int, int, bool], list[Floats]] = {}
-    found = []
+    found: list[Columns] = []
     for c, data in enumerate(cells.channels):
         if data.sharing not in shared:
             shared[data.sharing] = [_means(terms, data, batch) for terms in blocks]
         mine = shared[data.sharing]
+        alike = [b for b in range(c) if cells.channels[b].sharing == data.sharing and _same_light(colours, b, c)]
+        if alike:
+            found.append(found[alike[0]])
+            continue
         table = mine[0] * colours[0][c]
         for more, colour in zip(mine[1:], colours[1:], strict=True):
             table += more * colour[c]
         table[..., 0, -1, : data.cells] = 1.0  # the pedestal; its slopes and derivatives are 0
         found.append(Columns(table=table))
     return found[0], found[1], found[2]
+
+
+def _same_light(colours: list[Floats], one: int, other: int) -> bool:
+    return all(colour[one] == colour[other] for colour in colours)
 
 
 def _means(blocks: list[list[_Term]], data: ChannelCells, batch: tuple[int, ...]) -> Floats:

@@ -250,3 +250,13 @@ def bounded(matrix: Floats, rhs: Floats, prior: Prior) -> tuple[Floats, NDArray[
         free = ~fixed
         x[free] = solve(matrix[np.ix_(free, free)], rhs[free] - matrix[np.ix_(free, fixed)] @ x[fixed])
     return np.clip(x, prior.low, prior.high), fixed
+
+
+def bounded_each(matrix: Floats, rhs: Floats, prior: Prior) -> Floats:
+    """The same of several systems (S, P, P) and (S, P) at once: (S, P)."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    raised = matrix * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(matrix.shape[-1])
+    found = np.linalg.solve(raised, (rhs * scale)[..., None])[..., 0] * scale
+    for i in np.flatnonzero(~np.all((found >= prior.low) & (found <= prior.high), axis=-1)):
+        found[i], _ = bounded(matrix[i], rhs[i], prior)
+    return np.asarray(found)

@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.records import Floats
 
 from .model import Model, columns_of_many
-from .normal import Weighing, bounded, equations, sums_of
+from .normal import Weighing, bounded_each, equations, sums_of
 from .problem import Optimum, Problem, pose_views, weights_at
 from .refine import refine
 
@@ -77,8 +77,8 @@ def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
     found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
     cols = tuple(one for three in found for one in three)
     matrix, rhs, squares = equations(sums_of(cols, problem.channels, weights), problem.layout, problem.prior)
-    best = [bounded(m, r, problem.prior)[0] for m, r in zip(matrix, rhs, strict=True)]
-    return np.array([s + x @ m @ x - 2 * x @ r for s, x, m, r in zip(squares, best, matrix, rhs, strict=True)])
+    best = bounded_each(matrix, rhs, problem.prior)
+    return np.asarray(squares + np.sum(best * ((matrix @ best[..., None])[..., 0] - 2.0 * rhs), axis=-1))
 
 
 def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
