@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from toolkit.flags import Flag
+from toolkit.geometry.glare import without_glare
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import bounding_box
 from toolkit.records import Camera, LinearImage, RawFrame, Reference, Scene, Sphere
@@ -66,6 +67,7 @@ def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Locate
     if not lights:
         scene = _estimate_light(image, scene)
         flags.append(Flag.LIGHT_ESTIMATED)
+    image = without_glare(image, scene)
     scene, reference = lit_by_reference(scene, image, frame, settings, folder)
     return Located(image, scene, reference, tuple(flags))
 

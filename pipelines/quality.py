@@ -13,6 +13,7 @@ CLIPPED_SHARE = 0.01  # of the sphere's samples, from which the result says so
 CORE_RAD = 0.1  # about the half vector: where the highlight's core lies
 CORE_SHARE = 0.02  # of the core's samples
 CORE_ROWS = 8.0  # of samples across the core's radius are enough to count its samples
+GLARE_SHARE = 0.5  # of as many samples as are clipped
 
 
 def quality_flags(seen: Photograph, best: Fit, preferred: int | None) -> tuple[str, ...]:
@@ -26,6 +27,7 @@ def quality_flags(seen: Photograph, best: Fit, preferred: int | None) -> tuple[s
         Flag.CLIPPED: clipped > CLIPPED_SHARE,
         Flag.HIGHLIGHT_CLIPPED: core > CORE_SHARE,
         Flag.HIGHLIGHT_UNSEEN: np.isnan(core),
+        Flag.GLARE: glares(image),
         Flag.MODEL_UNDECIDED: preferred is None,
         Flag.COLOUR_CANNOT_SEPARATE: seen.agreement is not None
         and (
@@ -50,6 +52,15 @@ def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:
         row, column = np.mgrid[: plane.flags.shape[0] : thin, : plane.flags.shape[1] : thin].reshape(2, -1)
         core += thin**2 * int(_where(scene, *_places(plane, row, column))[1].sum())
     return sphere_clipped / samples, core_clipped / core if core else float("nan")
+
+
+def glares(image: LinearImage) -> bool:
+    """Whether glare brightens samples in number, beside those that clip."""
+    glare, clipped = (
+        sum(np.count_nonzero(plane.flags & kind) for plane in image.planes)
+        for kind in (SampleFlag.GLARE, SampleFlag.CLIPPED)
+    )
+    return bool(glare > GLARE_SHARE * clipped)
 
 
 def _places(plane: Plane, row: NDArray[np.intp], column: NDArray[np.intp]) -> tuple[Floats, Floats]:

@@ -70,6 +70,31 @@ def blurred(render: Render, *, sd_px: float) -> Render:
     return replace(render, origin_px=(0, 0), diffuse=diffuse, specular=specular, coverage=coverage)
 
 
+def with_rays(render: Render, *, angle_deg: float, share: float, length_px: int) -> Render:
+    """The picture through a lens that draws each point out into two opposite rays, as an iris's straight edges do.
+
+    They take `share` of the light, fall off with the square of the distance, and end at `length_px`; `angle_deg` is
+    anticlockwise from the right.
+    """
+    from scipy.signal import fftconvolve
+
+    turn, kernel = np.radians(angle_deg), np.zeros((2 * length_px + 3, 2 * length_px + 3))
+    for along in np.concatenate([np.arange(-length_px, -0.9, 0.1), np.arange(1.0, length_px + 0.1, 0.1)]):
+        x, y = length_px + 1 + along * np.cos(turn), length_px + 1 - along * np.sin(turn)
+        column, row = int(x), int(y)
+        across, down = np.array([column + 1 - x, x - column]), np.array([row + 1 - y, y - row])
+        kernel[row : row + 2, column : column + 2] += np.outer(down, across) / along**2
+    kernel *= share / kernel.sum()
+
+    def drawn_out(layer: Floats) -> Floats:
+        full = render.full(layer)
+        return (1.0 - share) * full + np.maximum(fftconvolve(full, kernel[..., None], mode="same", axes=(0, 1)), 0.0)
+
+    coverage = render.full(render.coverage[..., None])[..., 0]
+    diffuse, specular = drawn_out(render.diffuse), drawn_out(render.specular)
+    return replace(render, origin_px=(0, 0), diffuse=diffuse, specular=specular, coverage=coverage)
+
+
 def mosaic(
     render: Render, *, exposure: float, noise: Noise, sensor: Sensor, rng: np.random.Generator
 ) -> NDArray[np.uint16]:

@@ -11,6 +11,7 @@ class SampleFlag(IntFlag):
     CLIPPED = 1  # at or above the white level
     BLOOM = 2  # beside a clipped sample: charge or lens flare may have spilled over
     INVALID = 4  # not finite, or not decoded
+    GLARE = 8  # brightened by rays that the camera draws out of a clipped highlight
 
 
 class Flag(StrEnum):
@@ -24,6 +25,7 @@ class Flag(StrEnum):
     CLIPPED = "clipped"
     HIGHLIGHT_CLIPPED = "highlight_clipped"
     HIGHLIGHT_UNSEEN = "highlight_unseen"
+    GLARE = "glare"
     COLOUR_CANNOT_SEPARATE = "colour_cannot_separate"
     MATTE_LINE_BENT = "matte_line_bent"
     NOT_IDENTIFIED = "not_identified"
@@ -48,6 +50,7 @@ MEANING: dict[Flag, str] = {
     Flag.CLIPPED: "more than 1 % of the sphere's samples are clipped",
     Flag.HIGHLIGHT_CLIPPED: "the highlight's core is clipped: its height is not seen",
     Flag.HIGHLIGHT_UNSEEN: "no usable sample shows the highlight: the specular numbers come from its tail",
+    Flag.GLARE: "the camera draws rays out of the clipped highlight: the samples that they brighten are left out",
     Flag.COLOUR_CANNOT_SEPARATE: "body and illuminant colour are too close for colour alone to separate",
     Flag.MATTE_LINE_BENT: "dim and bright pixels disagree on the body colour: not linear, or highlight over everything",
     Flag.NOT_IDENTIFIED: "this photograph does not determine the parameter",

@@ -11,7 +11,7 @@ from toolkit import __version__
 from toolkit.flags import MEANING, Flag
 
 from .histogram import histogram
-from .picture import CLIPPED, HIGHLIGHT, OUTLINE
+from .picture import CLIPPED, GLARE, HIGHLIGHT, OUTLINE
 from .records import Examination
 from .rows import file_rows, measured_rows
 from .words import verdict
@@ -42,7 +42,12 @@ def page_text(found: Examination, pictures: Sequence[bytes]) -> str:
         advice=found.advice,
         pictures=[f"data:image/png;base64,{base64.b64encode(one).decode('ascii')}" for one in pictures],
         ball=found.scene is not None,
-        colours={"outline": _hex(OUTLINE), "highlight": _hex(HIGHLIGHT), "clipped": _hex(CLIPPED)},
+        colours={
+            "outline": _hex(OUTLINE),
+            "highlight": _hex(HIGHLIGHT),
+            "clipped": _hex(CLIPPED),
+            "glare": _hex(GLARE),
+        },
         histogram=None if drawn is None else Markup(drawn),  # noqa: S704  # our own SVG, of numbers alone
         file_rows=file_rows(found.frame),
         measured_rows=measured_rows(found),

@@ -1,4 +1,4 @@
-"""The photograph with what was found drawn over it: outline, centre, highlight, clipped samples."""
+"""The photograph with what was found drawn over it: outline, centre, highlight, samples clipped or in glare."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from .records import Examination
 MOST_PX = 1000  # width and height of the frame's picture
 CLOSE_PX = 700  # about, of the ball's
 AROUND = 1.25  # ball radii that the close picture shows
-OUTLINE, HIGHLIGHT, CLIPPED = (0, 200, 255), (255, 215, 0), (255, 0, 200)  # sRGB; the page names them too
+OUTLINE, HIGHLIGHT = (0, 200, 255), (255, 215, 0)  # sRGB; the page names them too
+CLIPPED, GLARE = (255, 0, 200), (255, 120, 0)
 SUBPIXEL = 4  # bits of OpenCV's fixed-point coordinates
 
 
@@ -43,7 +44,7 @@ def frame_picture(found: Examination, whole: Quads) -> Drawn:
     step, shift = whole.step_px * factor, whole.step_px * (factor - 1) / 2
     origin = whole.origin_px[0] + shift, whole.origin_px[1] + shift
     shown = _tone(found, whole).show(shrunk(whole.values, factor))
-    return _drawn(found, shown, _clipped(whole.flags, factor), origin, step)
+    return _drawn(found, shown, _marked(whole.flags, factor), origin, step)
 
 
 def close_picture(found: Examination, whole: Quads) -> Drawn | None:
@@ -61,15 +62,20 @@ def close_picture(found: Examination, whole: Quads) -> Drawn | None:
     factor = max(1, round(max(values.shape[:2]) / CLOSE_PX))
     times = max(1, round(CLOSE_PX / max(values.shape[:2])))
     shown = np.repeat(np.repeat(_tone(found, whole).show(shrunk(values, factor)), times, 0), times, 1)
-    clipped = np.repeat(np.repeat(_clipped(flags, factor), times, 0), times, 1)
+    marked = np.repeat(np.repeat(_marked(flags, factor), times, 0), times, 1)
     step = whole.step_px * factor / times
     corner = np.asarray(whole.origin_px) + whole.step_px * np.array([x0, y0]) - whole.step_px / 2 + step / 2
-    return _drawn(found, shown, clipped, (float(corner[0]), float(corner[1])), step)
+    return _drawn(found, shown, marked, (float(corner[0]), float(corner[1])), step)
 
 
-def _clipped(flags: NDArray[np.uint8], factor: int) -> NDArray[np.bool_]:
-    """Where a block of `factor` x `factor` pixels holds a clipped sample."""
-    return np.asarray(shrunk(((flags & SampleFlag.CLIPPED) > 0).astype(np.float32), factor) > 0.0)
+def _marked(flags: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+    """Per block of `factor` x `factor` pixels CLIPPED where it holds a clipped sample, else GLARE where such a one."""
+
+    def holds(kind: SampleFlag) -> NDArray[np.bool_]:
+        return np.asarray(shrunk(((flags & kind) > 0).astype(np.float32), factor) > 0.0)
+
+    marked = holds(SampleFlag.GLARE) * np.uint8(SampleFlag.GLARE)
+    return np.where(holds(SampleFlag.CLIPPED), np.uint8(SampleFlag.CLIPPED), marked)
 
 
 def png_bytes(picture: Drawn) -> bytes:
@@ -103,10 +109,10 @@ def _neutral(metadata: Metadata) -> Floats:
 
 
 def _drawn(
-    found: Examination, shown: Floats, clipped: NDArray[np.bool_], origin: tuple[float, float], step: float
+    found: Examination, shown: Floats, marked: NDArray[np.uint8], origin: tuple[float, float], step: float
 ) -> Drawn:
     canvas = np.ascontiguousarray(np.round(255 * shown).astype(np.uint8))
-    canvas[clipped] = CLIPPED
+    canvas[marked == SampleFlag.CLIPPED], canvas[marked == SampleFlag.GLARE] = CLIPPED, GLARE
     if found.scene is not None:
         _outline(canvas, found, origin, step)
     if found.lamp is not None:

@@ -47,9 +47,11 @@ def _pictures(found: Examination, settings: Settings) -> list[bytes]:
     """The frame and, where there is one, the ball close; as PNG."""
     if found.image is None:
         return []
+    from toolkit.geometry.glare import without_glare
     from toolkit.radiometry.linearise import linearise
     from toolkit.radiometry.quads import quads
 
-    picture = quads(linearise(found.frame, transfer=settings.image.transfer, noise=found.image.noise))
+    whole = linearise(found.frame, transfer=settings.image.transfer, noise=found.image.noise)
+    picture = quads(whole if found.scene is None else without_glare(whole, found.scene))
     drawn = [frame_picture(found, picture), close_picture(found, picture)]
     return [png_bytes(one) for one in drawn if one is not None]
