@@ -12,6 +12,7 @@ import scipy.optimize
 from pipelines.validate.design import hypercube
 from pipelines.validate.trial import run_trial
 from toolkit.geometry.lights import DirectionalLight
+from toolkit.inference.blocks import blocks_of
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
@@ -170,6 +171,23 @@ def test_a_lobe_at_the_end_of_its_range_is_found(model: str, alpha: float) -> No
     image = photograph(radiance, seed=1)
     optimum = fit(pose(Model.named(model), scene, gather_for(image, scene), NOISE))
     assert np.exp(optimum.u[0]) == pytest.approx(alpha, rel=0.02)
+
+
+def test_a_wrong_model_settles_on_few_cells_where_it_does_on_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GGX fitted by Beckmann moves sphere and light, and its data weigh less: the same from few cells as from all."""
+    radiance, scene = radiance_of(300, "ggx", alpha=0.15)
+    image = photograph(radiance, seed=3)
+    cells, shifts = gather_for(image, scene), shifts_of(scene)
+    problem, blocks = pose(Model.named("beckmann"), scene, cells, NOISE), (blocks_of(scene, cells),)
+    few, there = fit_with_shifts(problem, shifts, blocks)
+    monkeypatch.setattr("toolkit.inference.search.SEARCH_CELLS", 10 * len(cells.x_px))
+    whole, elsewhere = fit_with_shifts(problem, shifts, blocks)
+    sd, named = np.sqrt(np.diag(inverse(whole.joint))), len(whole.problem.layout.names)
+    assert whole.problem.tempering > 5.0
+    assert few.problem.tempering == pytest.approx(whole.problem.tempering, rel=0.06)
+    assert np.all(np.abs(there - elsewhere) < 0.1 * sd[named : named + len(there)])
+    assert np.all(np.abs(few.x[:named] - whole.x[:named]) < 0.1 * sd[:named])
+    assert np.abs(few.u - whole.u) < 0.1 * sd[-1]
 
 
 def _told(scene: Scene, wrong: str, amount: float) -> Scene:
