@@ -56,9 +56,9 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
     information, score, density = np.zeros((count, size, size)), np.zeros((count, size)), np.zeros(count)
     for c, (data, w) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
         counted, first = np.flatnonzero(w.each), COUNT * (c // 3)
-        there = blocks[c // 3][data.rows[counted]]
-        order = counted[np.argsort(there, kind="stable")]
-        edges = np.searchsorted(there[np.argsort(there, kind="stable")], np.arange(COUNT + 1))
+        there = blocks[c // 3][data.rows[counted]].astype(np.int16)  # which numpy sorts by their digits
+        sorting = np.argsort(there, kind="stable")
+        order, edges = counted[sorting], np.searchsorted(there[sorting], np.arange(COUNT + 1))
         index, slopes = optimum.slopes(c)
         residual = data.value - optimum.predicted[c]
         rows, weighted = slopes[:, order], w.times(slopes)[:, order]
