@@ -36,7 +36,7 @@ class Alone:
     with_glare: float
     with_edge: float
     glare: float
-    alpha: tuple[float, tuple[float, float]]  # estimate at the mode, 90 % interval
+    alpha: tuple[float, tuple[float, float]]  # posterior mean, 90 % interval
     albedo: tuple[Floats, Floats]  # (3,) and (2, 3), per unit of the light's intensity
 
 
@@ -48,8 +48,8 @@ def alone(index: int) -> Alone:
     alpha, albedo = named["alpha"], named["diffuse_albedo"]
     return Alone(
         **_left(report),
-        alpha=(float(np.asarray(alpha.mode)), _interval(alpha)),
-        albedo=(np.asarray(albedo.mode) / intensity, np.asarray(_interval(albedo)) / intensity),
+        alpha=(float(np.asarray(alpha.estimate)), _interval(alpha)),
+        albedo=(np.asarray(albedo.estimate) / intensity, np.asarray(_interval(albedo)) / intensity),
     )
 
 
