@@ -43,6 +43,8 @@ def fit_jointly(
     """
     clock, settings = Clock(progress), asked[0][1]
     looked = [_look(path, own, clock) for path, own in asked]
+    from threadpoolctl import threadpool_limits
+
     from toolkit.inference.agreement import agreement
     from toolkit.inference.compare import rank
     from toolkit.inference.joint import of_photograph
@@ -58,7 +60,8 @@ def fit_jointly(
     seen = []
     for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
         mine = of_photograph(fits[best], v)
-        with ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: the two pictures take two cores
+        # numpy lets go of the interpreter: the two pictures take two cores, and products are too small for threads
+        with threadpool_limits(1), ThreadPoolExecutor(1) as beside:
             drawn = beside.submit(layers_of_fit, one.image, picture, mine)
             with clock.stage("separate"):
                 separation = separate_colours(
