@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from toolkit.inference.diagnostics import split_r_hat
+from toolkit.inference.discrepancy import stretched
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
@@ -103,6 +104,16 @@ def test_no_draw_leaves_its_range() -> None:
             assert draws.x[:, i].min() >= 0.0
         if name == "specular_f0":
             assert draws.x[:, i].max() <= 1.0
+
+
+def test_stretching_widens_draws_and_leaves_their_mean(optimum: Optimum) -> None:
+    """Also where the mean lies five sds beside the mode: stretched about the mode it would end fifteen beside."""
+    draws = sample(optimum, seed=3, effective=1000)
+    aside = replace(draws, u=draws.u + 5.0 * draws.u.std())
+    found = stretched(optimum, aside, 3.0 * np.eye(len(optimum.joint)))
+    assert found.u.mean() == pytest.approx(aside.u.mean(), abs=1e-9)
+    assert found.u.std() == pytest.approx(3.0 * draws.u.std())
+    assert np.std(found.x, axis=0) == pytest.approx(3.0 * np.std(draws.x, axis=0))
 
 
 def test_split_r_hat_tells_chains_that_disagree() -> None:

@@ -18,7 +18,7 @@ from .problem import Optimum
 
 
 def stretch_of(optimum: Optimum, scores: Floats) -> Floats:
-    """The matrix (P, P) that takes deviations of all unknowns from the mode to those the blocks' centred scores
+    """The matrix (P, P) that takes deviations of all unknowns from their mean to those the blocks' centred scores
     (b, P), of the optimum's own weights, warrant.
 
     In the coordinates in which the posterior is a unit ball, the blocks' scores have a covariance whose eigenvalues
@@ -36,10 +36,13 @@ def stretch_of(optimum: Optimum, scores: Floats) -> Floats:
 
 
 def stretched(optimum: Optimum, draws: Draws, stretch: Floats) -> Draws:
-    """The draws with their deviations from the mode stretched; what leaves a parameter's range is put on its end."""
-    problem = optimum.problem
-    mode = np.concatenate([optimum.x, optimum.u])
-    moved = mode + (np.hstack([draws.x, draws.u]) - mode) @ stretch.T
+    """The draws with their deviations from their mean stretched; what leaves a parameter's range is put on its end.
+
+    From their mean, not from the mode: where these lie apart, stretching would carry the mean away with it.
+    """
+    problem, together = optimum.problem, np.hstack([draws.x, draws.u])
+    mean = together.mean(axis=0)
+    moved = mean + (together - mean) @ stretch.T
     size = problem.layout.size
     return Draws(
         u=np.clip(moved[:, size:], *problem.model.bounds()),
