@@ -1,8 +1,9 @@
 """48 photographs of a real glossy ball, each fitted alone: what is left, and do the intervals hold the others' answer?
 
-python -m tests.benchmarks.ball_fits [EVERY]    prints the figures; of every second, third ... photograph
+python -m tests.benchmarks.ball_fits [EVERY [MODEL]]    prints the figures; of every second, third ... photograph
 
-`ggx` over `wolff`, the sphere given, the light's direction free within a degree. The residual is told in three ways:
+`gtr`, whose tail is a number of its own, or another model over `wolff`, the sphere given, the light's direction free
+within a degree. The residual is told in three ways:
 over the samples that the fit uses, with those that glare brightens, and with the ball's edge, whose radius and black
 background no fit looks at. An interval holds the others' consensus where it holds the median of their estimates.
 Needs the photographs (`FIT_MATERIAL_DATA`).
@@ -23,8 +24,8 @@ from toolkit.flags import SampleFlag
 from toolkit.geometry.sphere import surface
 from toolkit.inference.gather import MIN_N_DOT_L, MIN_N_DOT_V
 from toolkit.records import Estimate, Floats, MaterialReport
+from toolkit.reflectance import LOBES
 
-FIT = {"models": ["ggx"], "diffuse": ["wolff"], "ess": 500}
 ASKED_RMS, ASKED_HELD = 0.026, (0.75, 0.98)
 
 
@@ -36,19 +37,23 @@ class Alone:
     with_glare: float
     with_edge: float
     glare: float
-    alpha: tuple[float, tuple[float, float]]  # posterior mean, 90 % interval
+    shape: dict[str, tuple[float, tuple[float, float]]]  # of each number of the specular lobe mean, 90 % interval
     albedo: tuple[Floats, Floats]  # (3,) and (2, 3), per unit of the light's intensity
 
 
-def alone(index: int) -> Alone:
+def alone(index: int, model: str) -> Alone:
     """Fit one photograph."""
-    report = fit_material(photograph(index), settings_of(index, fit=FIT))
+    settings = settings_of(index, fit={"models": [model], "diffuse": ["wolff"], "ess": 500})
+    report = fit_material(photograph(index), settings)
     intensity = np.loadtxt(folder("diligent_ball") / "light_intensities.txt")[index]
     named = {one.name: one for one in report.fits[report.best].parameters}
-    alpha, albedo = named["alpha"], named["diffuse_albedo"]
+    albedo = named["diffuse_albedo"]
     return Alone(
         **_left(report),
-        alpha=(float(np.asarray(alpha.estimate)), _interval(alpha)),
+        shape={
+            p.name: (float(np.asarray(named[p.name].estimate)), _interval(named[p.name]))
+            for p in LOBES[model].parameters
+        },
         albedo=(np.asarray(albedo.estimate) / intensity, np.asarray(_interval(albedo)) / intensity),
     )
 
@@ -88,21 +93,28 @@ def held(estimates: Sequence[float], intervals: Sequence[tuple[float, float]]) -
     return float(np.mean([low <= median <= high for median, (low, high) in zip(others, intervals, strict=True)]))
 
 
-def main(every: int = 1) -> None:
+def main(every: int = 1, model: str = "gtr") -> None:
     """Print the figures."""
-    found = [alone(index) for index in range(0, 48, every)]
+    found = [alone(index, model) for index in range(0, 48, every)]
     rms, glaring, edge, glare = (
         np.median([getattr(one, name) for one in found]) for name in ("used", "with_glare", "with_edge", "glare")
     )
-    roughness = held([one.alpha[0] for one in found], [one.alpha[1] for one in found])
-    body = [held([one.albedo[0][c] for one in found], [one.albedo[1][:, c] for one in found]) for c in range(3)]
     sys.stdout.write(
-        f"{len(found)} photographs, medians: relative rms {rms:.4f} (asked {ASKED_RMS}), with glare {glaring:.4f}, "
-        f"with the ball's edge {edge:.4f}; {100 * glare:.3f} % of samples in glare\n"
-        f"90 % intervals that hold the others' median ({ASKED_HELD[0]} to {ASKED_HELD[1]}): alpha {roughness:.3f}, "
-        f"albedo {' '.join(f'{share:.3f}' for share in body)}\n"
+        f"{len(found)} photographs, {model} over wolff, medians: relative rms {rms:.4f} (asked {ASKED_RMS}), with "
+        f"glare {glaring:.4f}, with the ball's edge {edge:.4f}; {100 * glare:.3f} % of samples in glare\n"
+        f"90 % intervals that hold the others' median ({ASKED_HELD[0]} to {ASKED_HELD[1]} asked):\n"
     )
+    numbers = {name: [one.shape[name] for one in found] for name in found[0].shape}
+    numbers |= {
+        f"albedo {letter}": [(one.albedo[0][c], tuple(one.albedo[1][:, c])) for one in found]
+        for c, letter in enumerate("rgb")
+    }
+    for name, told in numbers.items():
+        estimates, intervals = [estimate for estimate, _ in told], [interval for _, interval in told]
+        low, high = np.median(intervals, axis=0)
+        share, middle = held(estimates, intervals), np.median(estimates)
+        sys.stdout.write(f"{name:10} {share:.3f}  median {middle:.4f} in {low:.4f} to {high:.4f}\n")
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
