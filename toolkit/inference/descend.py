@@ -49,14 +49,20 @@ def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
 
 
 def _off_dead_ends(here: Projection, weights: Weighing) -> Projection:
-    """The same place, or one a little inside a bound on which the data say nothing, since a lobe's slope is 0 there."""
+    """The same place, or one a little inside a bound on which the data say nothing, since a lobe's slope is 0 there.
+
+    Where that one is worse the bound is the better end, told by the data after all.
+    """
     problem, (low, high) = here.problem, here.problem.model.bounds()
     told = here.joint.matrix.diagonal()[problem.layout.size :] > (1.0 + 1e-6) * problem.shape_precision
     if told.all():
         return here
     inside = ONTO_BOUND * (high - low)
     within = np.where(told, here.u, np.clip(here.u, low + inside, high - inside))
-    return here if np.array_equal(within, here.u) else project(problem, within, weights)
+    if np.array_equal(within, here.u):
+        return here
+    there = project(problem, within, weights)
+    return there if there.chi2 < here.chi2 else here
 
 
 def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats) -> bool:
