@@ -89,22 +89,21 @@ def _rest(here: Projection, step: Floats, status: str) -> Optimum:
     """The end of a descent, after a last `step` of linear unknowns and shape."""
     problem, size = here.problem, len(here.x)
     low, high = problem.model.bounds()
-    u, x, drop = here.u, here.x, 0.0
+    u, x = here.u + step[size:], here.x + step[:size]
     predicted = problem.predict(here.columns, x)
     if step.any():
-        u, x, drop = u + step[size:], x + step[:size], float(step @ here.joint.rhs)
         slopes = [
             c.table[1:, 0] + np.einsum("dkn,k->dn", c.table[1:, 1:], here.x[i])
             for c, i in zip(here.columns, problem.layout.index, strict=True)
         ]
-        predicted = tuple(p + step[size:] @ s for p, s in zip(problem.predict(here.columns, x), slopes, strict=True))
+        predicted = tuple(p + step[size:] @ s for p, s in zip(predicted, slopes, strict=True))
     return Optimum(
         problem=problem,
         u=u,
         x=x,
         weights=here.weights,
         joint=here.joint.matrix,
-        chi2=here.chi2 - drop,
+        chi2=here.chi2 - float(step @ here.joint.rhs),
         on_bound=np.concatenate([here.on_bound, (u <= low + 1e-9) | (u >= high - 1e-9)]),
         status=status,
         at=here.u,
