@@ -93,10 +93,9 @@ def _density(optimum: object, held: object) -> float:
     rows, residuals, variances = [], [], []
     for c, (col, data) in enumerate(zip(cols, held.channels, strict=True)):
         index = problem.layout.index[c]
-        predicted = col.matrix @ optimum.x[index] + col.offset
+        predicted, slopes = (of(optimum.x[index]) @ col.rows for of in (col.prediction, col.slopes))
         jacobian = np.zeros((len(predicted), len(optimum.joint)))
-        jacobian[:, index] = col.matrix
-        jacobian[:, -1] = col.d_matrix[0] @ optimum.x[index] + col.d_offset[0]
+        jacobian[:, index], jacobian[:, -1] = slopes[:-1].T, slopes[-1]
         weights = weights_of(data, NOISE, c, predicted)
         counted = weights.each > 0
         rows.append(jacobian[counted])

@@ -90,13 +90,6 @@ def _rest(here: Projection, step: Floats, status: str) -> Optimum:
     problem, size = here.problem, len(here.x)
     low, high = problem.model.bounds()
     u, x = here.u + step[size:], here.x + step[:size]
-    predicted = problem.predict(here.columns, x)
-    if step.any():
-        slopes = [
-            c.table[1:, 0] + np.einsum("dkn,k->dn", c.table[1:, 1:], here.x[i])
-            for c, i in zip(here.columns, problem.layout.index, strict=True)
-        ]
-        predicted = tuple(p + step[size:] @ s for p, s in zip(predicted, slopes, strict=True))
     return Optimum(
         problem=problem,
         u=u,
@@ -108,7 +101,7 @@ def _rest(here: Projection, step: Floats, status: str) -> Optimum:
         status=status,
         at=here.u,
         columns=here.columns,
-        predicted=predicted,
+        predicted=problem.predict(here.columns, x, step[size:]),
     )
 
 
@@ -142,13 +135,13 @@ def project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
     cols = problem.columns(u, derivatives=True) if cols is None else cols
     for _ in range(SIDES):
         sums = sums_of(cols, problem.channels, weights)
-        normal = problem.combine(sums, weights)
+        normal = problem.combine(cols, sums, weights)
         x, on_bound = bounded(normal.matrix, normal.rhs, problem.prior)
         before, weights = weights, _sided(problem, cols, x, weights)
         if weights is before:
             break
     chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
-    joint = problem.combine(sums, before, x)
+    joint = problem.combine(cols, sums, before, x)
     return Projection(
         problem=problem, u=u, columns=cols, weights=before, x=x, chi2=chi2, on_bound=on_bound, joint=joint
     )

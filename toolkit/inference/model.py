@@ -155,32 +155,27 @@ def names_of(model: Model, fresnel: Fresnel) -> tuple[str, ...]:
 class Columns:
     """One channel's columns on its data: what a prediction is a sum of.
 
-    `table` (..., 1 + D, 1 + k, n) holds the part with a known coefficient and the k columns, at a shape and then their
-    derivatives in each of the D shape numbers, in the searched coordinate; leading axes where several shapes are
-    evaluated at once.
+    Many of them are the same but for a number, as F times a lobe under a far light. So `rows` (..., r, n) holds what
+    differs, and `mix` (1 + D, 1 + k, r) how the part with a known coefficient and the k columns are sums of it, at a
+    shape and then their derivatives in each of the D shape numbers, in the searched coordinate. Leading axes of the
+    rows where several shapes are evaluated at once.
     """
 
-    table: Floats
+    rows: Floats
+    mix: Floats
 
     @property
-    def matrix(self) -> Floats:
-        """The columns (n, k)."""
-        return self.table[0, 1:].T
+    def table(self) -> Floats:
+        """All of them written out: (..., 1 + k, n) at the shape, without the derivatives."""
+        return np.asarray(self.mix[0] @ self.rows)
 
-    @property
-    def offset(self) -> Floats:
-        """The part with a known coefficient (n,)."""
-        return np.asarray(self.table[0, 0])
+    def prediction(self, x: Floats) -> Floats:
+        """The prediction by coefficients (k,), as a sum of the rows (r,)."""
+        return np.asarray(self.mix[0, 0] + x @ self.mix[0, 1:])
 
-    @property
-    def d_matrix(self) -> tuple[Floats, ...]:
-        """One (n, k) per shape number."""
-        return tuple(block[1:].T for block in self.table[1:])
-
-    @property
-    def d_offset(self) -> tuple[Floats, ...]:
-        """One (n,) per shape number."""
-        return tuple(block[0] for block in self.table[1:])
+    def slopes(self, x: Floats) -> Floats:
+        """Its derivatives in each coefficient and in each shape number, as sums of the rows (k + D, r)."""
+        return np.concatenate([self.mix[0, 1:], self.mix[1:, 0] + x @ self.mix[1:, 1:]])
 
 
 def columns(
@@ -304,21 +299,14 @@ def _channels(
 
     `blocks` hold for each light, then for the shape and each of its numbers, the terms at the nodes.
     """
-    shared: dict[tuple[int, int, bool], list[Floats]] = {}
+    shared: dict[tuple[int, int, bool], list[Columns]] = {}
     found: list[Columns] = []
     for c, data in enumerate(cells.channels):
         if data.sharing not in shared:
-            shared[data.sharing] = [_means(terms, data, batch) for terms in blocks]
-        mine = shared[data.sharing]
+            shared[data.sharing] = [_told(terms, data, batch) for terms in blocks]
         alike = [b for b in range(c) if cells.channels[b].sharing == data.sharing and _same_light(colours, b, c)]
-        if alike:
-            found.append(found[alike[0]])
-            continue
-        table = mine[0] * colours[0][c]
-        for more, colour in zip(mine[1:], colours[1:], strict=True):
-            table += more * colour[c]
-        table[..., 0, -1, : data.cells] = 1.0  # the pedestal; its slopes and derivatives are 0
-        found.append(Columns(table=table))
+        mine = shared[data.sharing]
+        found.append(found[alike[0]] if alike else _lit(mine, [float(colour[c]) for colour in colours]))
     return found[0], found[1], found[2]
 
 
@@ -326,14 +314,29 @@ def _same_light(colours: list[Floats], one: int, other: int) -> bool:
     return all(colour[one] == colour[other] for colour in colours)
 
 
-def _means(blocks: list[list[_Term]], data: ChannelCells, batch: tuple[int, ...]) -> Floats:
-    """One light's terms as the nodes give them for a channel's data: (..., 1 + D, 1 + k, n), the pedestal's left 0."""
-    table = np.zeros((*batch, len(blocks), len(blocks[0]) + 1, len(data.rows)))
+def _told(blocks: list[list[_Term]], data: ChannelCells, batch: tuple[int, ...]) -> Columns:
+    """One light's terms as the nodes give a channel's data; the mix has nothing yet of the last row, the pedestal."""
+    tables = {id(nodes): nodes for terms in blocks for nodes, _ in terms if nodes is not None}
+    rows, place = np.empty((*batch, len(tables) + 1, len(data.rows))), {key: i for i, key in enumerate(tables)}
+    for i, table in enumerate(tables.values()):
+        rows[..., i, :] = data.predicted(table)
+    rows[..., -1, : data.cells], rows[..., -1, data.cells :] = 1.0, 0.0
+    mix = np.zeros((len(blocks), len(blocks[0]) + 1, len(tables) + 1))
     for b, terms in enumerate(blocks):
-        means: dict[int, Floats] = {}
         for i, (nodes, scale) in enumerate(terms):
             if nodes is not None:
-                if id(nodes) not in means:
-                    means[id(nodes)] = data.predicted(nodes)
-                np.multiply(means[id(nodes)], scale, out=table[..., b, i, :])
-    return table
+                mix[b, i, place[id(nodes)]] = scale
+    return Columns(rows=rows, mix=mix)
+
+
+def _lit(lights: list[Columns], irradiances: list[float]) -> Columns:
+    """The sum over a channel's lights, the pedestal once."""
+    rows, mix = lights[0].rows, lights[0].mix * irradiances[0]
+    if len(lights) > 1:
+        some = np.nonzero(sum(np.abs(light.mix).sum(axis=-1) for light in lights))
+        parts = [(e * light.mix[some]) @ light.rows for e, light in zip(irradiances, lights, strict=True)]
+        rows = np.concatenate([sum(parts[1:], start=parts[0]), rows[..., -1:, :]], axis=-2)
+        mix = np.zeros((*mix.shape[:2], rows.shape[-2]))
+        mix[*some, np.arange(len(some[0]))] = 1.0
+    mix[0, -1, -1] = 1.0
+    return Columns(rows=rows, mix=mix)

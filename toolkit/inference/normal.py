@@ -5,7 +5,7 @@ The channels of several photographs of one material stand side by side: three of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +125,7 @@ def weigh(weights: tuple[Weights, ...], extras: tuple[Floats, ...]) -> Weighing:
 class Sums:
     """One channel's weighted sums of products: all that normal equations at one shape need of the cells.
 
-    Of the rows of the columns' table (m of them), the data and the extra columns; leading axes as the table has.
+    Of some rows (m of them), as those of the columns, the data and the extra columns; leading axes as the rows have.
     """
 
     products: Floats  # (..., m, m)
@@ -134,20 +134,23 @@ class Sums:
     across: Floats  # (q, m), with the extra columns
     extra_data: Floats  # (q,), of the extra columns with the data
 
+    def mixed(self, mix: Floats) -> Sums:
+        """Those of rows that are sums (l, m) of these, without the extra columns."""
+        return replace(self, products=mix @ self.products @ mix.T, data=self.data @ mix.T)
+
 
 def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], weighing: Weighing) -> tuple[Sums, ...]:
-    """One pass over the cells of each channel."""
+    """Of the columns' rows: one pass over the cells of each channel."""
     found = []
     for c, (cols, data, w) in enumerate(zip(columns, channels, weighing.weights, strict=True)):
-        table = cols.table.reshape(*cols.table.shape[:-3], -1, len(data.rows))
-        apart, extra, value = w.apart(table), weighing.weighted[c], w.apart(data.value)
+        apart, extra, value = w.apart(cols.rows), weighing.weighted[c], w.apart(data.value)
         weighted, value_w = apart * w.each, value * w.each
         found.append(
             Sums(
                 products=weighted @ np.swapaxes(apart, -1, -2),
                 data=apart @ value_w,
                 squares=float(value_w @ value),
-                across=extra @ table.T if len(extra) else np.zeros((0, table.shape[-2])),
+                across=extra @ cols.rows.T if len(extra) else np.zeros((0, cols.rows.shape[-2])),
                 extra_data=extra @ data.value,
             )
         )
@@ -155,7 +158,10 @@ def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], we
 
 
 def equations(sums: tuple[Sums, ...], layout: Layout, prior: Prior) -> tuple[Floats, Floats, Floats]:
-    """Matrix (..., P, P), right-hand side (..., P) and squares (...) of the named unknowns, no extras among them."""
+    """Matrix (..., P, P), right-hand side (..., P) and squares (...) of the named unknowns, no extras among them.
+
+    The sums are of the part with a known coefficient, then of the columns.
+    """
     batch = sums[0].data.shape[:-1]
     matrix = np.broadcast_to(prior.precision, (*batch, *prior.precision.shape)).copy()
     rhs = np.broadcast_to(prior.precision @ prior.centre, (*batch, len(prior.centre))).copy()
@@ -169,42 +175,38 @@ def equations(sums: tuple[Sums, ...], layout: Layout, prior: Prior) -> tuple[Flo
 
 
 def combine(
-    sums: tuple[Sums, ...], weighing: Weighing, layout: Layout, prior: Prior, at: Floats | None = None
+    columns: tuple[Columns, ...],
+    sums: tuple[Sums, ...],
+    weighing: Weighing,
+    layout: Layout,
+    prior: Prior,
+    at: Floats | None = None,
 ) -> Normal:
-    """Normal equations at one shape; with coefficients `at` (P,), of the steps from them and from the shape."""
-    index = np.stack(layout.index)  # (C, k)
-    (channels, k), rows, named = index.shape, len(sums[0].data), len(layout.names)
-    shapes = rows // (1 + k) - 1 if at is not None else 0
-    products, data = np.stack([one.products for one in sums]), np.stack([one.data for one in sums])
-    told = np.zeros((channels, rows))  # what the prediction has of each row of the tables
-    told[:, 0] = 1.0
-    if at is not None:
-        told[:, 1 : 1 + k] = at[index]
-    pick = np.zeros((channels, rows, k + shapes))  # each unknown's derivative of the prediction, in the tables' rows
-    pick[:, np.arange(1, 1 + k), np.arange(k)] = 1.0
-    for j in range(shapes):
-        pick[:, (1 + k) * (1 + j) : (1 + k) * (2 + j), k + j] = told[:, : 1 + k]
-    rest = data - (products @ told[..., None])[..., 0]
-    squares = sum(one.squares for one in sums) - float(np.sum(told * (data + rest)))
-    towards = prior.centre if at is None else prior.centre - at
-    matrix, rhs = np.zeros((layout.size + shapes,) * 2), np.zeros(layout.size + shapes)
-    matrix[: layout.size, : layout.size] = prior.precision
-    rhs[: layout.size] = prior.precision @ towards
-    squares += float(towards @ rhs[: layout.size])
-    to = np.concatenate([index, np.broadcast_to(np.arange(layout.size, len(rhs)), (channels, shapes))], axis=1)
-    turned = np.swapaxes(pick, 1, 2)
-    if layout.extras:
-        more, extra = np.zeros(layout.extras) if at is None else at[named:], slice(named, layout.size)
-        for c, (one, gram) in enumerate(zip(sums, weighing.gram, strict=True)):
-            across, left = one.across @ pick[c], one.extra_data - one.across @ told[c]
-            matrix[extra, to[c]] += across
-            matrix[to[c], extra] += across.T
+    """Normal equations at one shape, from sums of its columns' rows; with coefficients `at` (P,), of the steps from
+    them and from the shape.
+    """
+    size, extra = layout.size, slice(len(layout.names), layout.size)
+    here = np.zeros(size) if at is None else at
+    shapes = np.arange(size, size + (0 if at is None else len(columns[0].mix) - 1))
+    matrix, rhs = np.zeros((size + len(shapes),) * 2), np.zeros(size + len(shapes))
+    matrix[:size, :size] = prior.precision
+    rhs[:size] = prior.precision @ (prior.centre - here)
+    squares = float((prior.centre - here) @ rhs[:size])
+    for cols, one, gram, index in zip(columns, sums, weighing.gram, layout.index, strict=True):
+        to = np.concatenate([index, shapes])
+        predicted, slopes = cols.prediction(here[index]), cols.slopes(here[index])[: len(to)]
+        rest = one.data - one.products @ predicted
+        squares += one.squares - float(predicted @ (one.data + rest))
+        if layout.extras:
+            across, left = one.across @ slopes.T, one.extra_data - one.across @ predicted
+            matrix[extra, to] += across
+            matrix[to, extra] += across.T
             matrix[extra, extra] += gram
-            rhs[extra] += left - gram @ more
-            squares += float(more @ gram @ more - 2.0 * more @ left)
-            rest[c] -= one.across.T @ more
-    np.add.at(matrix, (to[:, :, None], to[:, None, :]), turned @ products @ pick)
-    np.add.at(rhs, to, (turned @ rest[..., None])[..., 0])
+            rhs[extra] += left - gram @ here[extra]
+            squares += float(here[extra] @ (gram @ here[extra] - 2.0 * left))
+            rest = rest - one.across.T @ here[extra]
+        matrix[to[:, None], to] += slopes @ one.products @ slopes.T
+        rhs[to] += slopes @ rest
     return Normal(matrix=matrix, rhs=rhs, squares=squares)
 
 

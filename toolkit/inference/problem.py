@@ -67,11 +67,11 @@ class Problem:
 
     def assemble(self, cols: tuple[Columns, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations for columns already evaluated; the shape's range counts as its prior's width."""
-        return self.combine(sums_of(cols, self.channels, weights), weights, at)
+        return self.combine(cols, sums_of(cols, self.channels, weights), weights, at)
 
-    def combine(self, sums: tuple[Sums, ...], weights: Weighing, at: Floats | None = None) -> Normal:
+    def combine(self, cols: Evaluated, sums: tuple[Sums, ...], weights: Weighing, at: Floats | None = None) -> Normal:
         """The normal equations from sums over the cells already taken."""
-        normal = combine(sums, weights, self.layout, self.prior, at)
+        normal = combine(cols, sums, weights, self.layout, self.prior, at)
         if at is not None:
             shapes = np.arange(self.layout.size, len(normal.rhs))
             normal.matrix[shapes, shapes] += self.shape_precision
@@ -83,13 +83,15 @@ class Problem:
         low, high = self.model.bounds()
         return np.asarray(12.0 / (high - low) ** 2)
 
-    def predict(self, cols: tuple[Columns, ...], x: Floats) -> tuple[Floats, ...]:
-        """What is predicted of each channel's data."""
-        named = len(self.layout.names)
-        return tuple(
-            np.asarray(col.matrix @ x[index] + col.offset + extra @ x[named:])
-            for col, index, extra in zip(cols, self.layout.index, self.extras, strict=True)
-        )
+    def predict(self, cols: Evaluated, x: Floats, step: Floats | None = None) -> tuple[Floats, ...]:
+        """What is predicted of each channel's data, after a `step` (D,) of the shape to first order."""
+        named, found = len(self.layout.names), []
+        for col, index, extra in zip(cols, self.layout.index, self.extras, strict=True):
+            mix = col.prediction(x[index])
+            if step is not None:
+                mix += step @ col.slopes(x[index])[len(index) :]
+            found.append(mix @ col.rows + extra @ x[named:] if self.layout.extras else mix @ col.rows)
+        return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,11 +112,11 @@ class Optimum:
 
     def slopes(self, channel: int) -> tuple[NDArray[np.intp], Floats]:
         """Which unknowns (p,) a channel depends on, and the derivatives (p, m) of its data's prediction in them."""
-        layout, table = self.problem.layout, self.columns[channel].table
+        layout, columns = self.problem.layout, self.columns[channel]
         own, size = layout.index[channel], len(self.joint)
-        by_shape = np.einsum("dkn,k->dn", table[1:], np.concatenate([[1.0], self.x[own]]))
+        slopes = columns.slopes(self.x[own]) @ columns.rows
         index = np.concatenate([own, np.arange(len(layout.names), size)])
-        return index, np.concatenate([table[0, 1:], self.problem.extras[channel].T, by_shape])
+        return index, np.concatenate([slopes[: len(own)], self.problem.extras[channel].T, slopes[len(own) :]])
 
 
 def pose(model: Model, scene: Scene, cells: Cells, noise: Noise) -> Problem:

@@ -76,7 +76,8 @@ def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
     """Chi-square at several shapes (S, D) at once, of a problem without extra columns."""
     found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
     cols = tuple(one for three in found for one in three)
-    matrix, rhs, squares = equations(sums_of(cols, problem.channels, weights), problem.layout, problem.prior)
+    sums = [one.mixed(col.mix[0]) for one, col in zip(sums_of(cols, problem.channels, weights), cols, strict=True)]
+    matrix, rhs, squares = equations(tuple(sums), problem.layout, problem.prior)
     best = bounded_each(matrix, rhs, problem.prior)
     return np.asarray(squares + np.sum(best * ((matrix @ best[..., None])[..., 0] - 2.0 * rhs), axis=-1))
 

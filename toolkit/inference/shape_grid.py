@@ -67,7 +67,7 @@ def _equations(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> tuple[Floa
     cols = [problem.columns(u, evaluate=evaluate) for u in shapes]
     sums = []
     for c, data in enumerate(problem.channels):
-        tables = [one[c].table[0] for one in cols]
+        tables = [one[c].table for one in cols]
         bodies_of = np.stack([table[BODY] for table in tables[: len(bodies)]])
         sums.append(_sums(tables[: len(glosses)], bodies_of, data, weighing.weights[c], weighing.weighted[c]))
     matrix, rhs, squares = equations(tuple(sums), layout, problem.prior)
