@@ -330,7 +330,7 @@ class ModelLayers:
     specular: Floats
     model: Floats
     residual: Floats
-    used: NDArray[np.bool_]  # (h, w, 3): which samples took part in the fit
+    used: NDArray[np.bool_]  # (h, w, 3): on the sphere and not flagged; a fit uses those that are lit and off the limb
     pedestal: Floats  # (3,)
     origin_px: tuple[float, float]
     step_px: int

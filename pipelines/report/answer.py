@@ -155,13 +155,16 @@ def _certainty(report: MaterialReport) -> str:
     order = ranking(report)
     if len(order) < 2:
         return "the only model that was fitted"
-    other = report.fits[order[1]]
+    best, *others = (report.fits[index] for index in order)
+    other = others[0]
+    if report.preferred is not None:  # what only extends the best one by another body does not stand against it
+        other = next((fit for fit in others if fit.model != best.model or len(fit.shape) <= len(best.shape)), other)
     name = title(other.model) if other.diffuse == "lambert" else f"{title(other.model)} over {title(other.diffuse)}"
-    lead, sd = elpd_difference(report.fits[order[0]], other)
+    lead, sd = elpd_difference(best, other)
     if report.preferred is None:
         return f"the data do not decide between it and {name}"
-    if lead is None or not sd:
-        return f"ahead of {name}"
+    if lead is None or not sd or lead >= 0.0:
+        return f"preferred to {name}"
     return f"ahead of {name} by {digits(-lead, 2)} ± {digits(sd, 2)} in log predictive density"
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipelines.srgb import Srgb, srgb_of
 from toolkit.flags import MEANING, Flag
+from toolkit.inference.compare import difference
 from toolkit.records import Estimate, Fit, MaterialReport
 from toolkit.reflectance import LOBES
 
@@ -188,11 +189,11 @@ def elpd_difference(best: Fit, other: Fit) -> tuple[float | None, float | None]:
     """By how much `other` predicts worse (negative) and the sd of that, from the blocks' own differences."""
     if len(best.elpd_blocks) != len(other.elpd_blocks) or not math.isfinite(other.elpd - best.elpd):
         return None, None
-    gaps = np.asarray(other.elpd_blocks, float) - np.asarray(best.elpd_blocks, float)
-    return other.elpd - best.elpd, float(np.sqrt(len(gaps)) * gaps.std(ddof=1)) if len(gaps) > 1 else None
+    value, sd = difference(other, best)
+    return value, sd if math.isfinite(sd) else None
 
 
-def _model(report: MaterialReport, index: int, difference: float | None, sd: float | None) -> ModelRow:
+def _model(report: MaterialReport, index: int, ahead: float | None, sd: float | None) -> ModelRow:
     fit = report.fits[index]
     best = index == report.best
     return ModelRow(
@@ -201,7 +202,7 @@ def _model(report: MaterialReport, index: int, difference: float | None, sd: flo
         variant=", ".join(f"{option} {choice}" for option, choice in fit.variant.items()),
         diffuse=title(fit.diffuse),
         shape=shape_text(fit),
-        difference="0" if best else behind(difference),
+        difference="0" if best else behind(ahead),
         sd="" if best or sd is None else behind(-sd, 2),
         chi2=digits(fit.chi2_reduced, 4),
         status=clean(fit.status),

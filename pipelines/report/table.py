@@ -13,6 +13,7 @@ from toolkit.flags import MEANING, Flag
 from toolkit.records import CameraColour, Estimate, Fit, Floats, LinearImage, MaterialReport, Reference, Scene
 
 from .digits import interval, plus_minus, rounded
+from .rows import elpd_difference, ranking
 from .text import base_name, clean
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def _three(value: float | Floats | None) -> Floats:
 
 def _models(report: MaterialReport, best: Fit) -> Table:
     table = _table("model", "diffuse", "shape", "chi2/dof", "elpd below best", folded="shape")
-    for fit in sorted(report.fits, key=lambda fit: -np.nan_to_num(fit.elpd, nan=-np.inf)):
+    for fit in (report.fits[index] for index in ranking(report)):
         shape = ", ".join(f"{name} {value:.4g}" for name, value in fit.shape.items())
         name = fit.model + "".join(f":{option}={choice}" for option, choice in _unlike(fit, report).items())
         converged = fit.status == "converged"
@@ -199,10 +200,10 @@ def _below(best: Fit, fit: Fit, converged: bool) -> str:
         return "not converged"
     if fit is best:
         return "best"
-    if len(fit.elpd_blocks) != len(best.elpd_blocks) or len(fit.elpd_blocks) < 2:
+    ahead, sd = elpd_difference(best, fit)
+    if ahead is None or sd is None:
         return f"{best.elpd - fit.elpd:.0f}"
-    difference = best.elpd_blocks - fit.elpd_blocks
-    return plus_minus(float(difference.sum()), float(np.sqrt(len(difference)) * difference.std(ddof=1)))
+    return plus_minus(-ahead, sd)
 
 
 def _remarks(report: MaterialReport) -> Iterator[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from toolkit.flags import Flag
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import surface
-from toolkit.inference.layers import predict
+from toolkit.inference.layers import layers_of, predict
 from toolkit.radiometry.colour import camera_colour
 from toolkit.records import (
     Agreement,
@@ -191,29 +191,15 @@ def _radiance(of: Fit, x: Floats, y: Floats) -> Floats:
 
 
 def layers(photograph: LinearImage, best: Fit) -> ModelLayers:
-    """The best fit's pictures on the quads of the sphere's box."""
+    """The best fit's pictures on the quads of the sphere's box, as the main job makes them."""
     cx, cy = best.scene.sphere.centre_px
     reach = best.scene.sphere.radius_px + 3
     rows = slice(int((cy - reach) // 2), int((cy + reach) // 2) + 1)
     columns = slice(int((cx - reach) // 2), int((cx + reach) // 2) + 1)
     quads = _quads(photograph)[rows, columns]
-    y, x = np.mgrid[rows, columns] * 2.0 + 0.5
-    seen = surface(best.scene.camera, best.scene.sphere, x.ravel(), y.ravel()).on_sphere.reshape(x.shape)
-    p = predict(best, x.ravel(), y.ravel())
-    off = np.where(seen, 1.0, np.nan)[..., None]
-    diffuse, specular = (part.reshape(*x.shape, 3) * off for part in (p.diffuse, p.specular))
-    model = diffuse + specular + p.pedestal
-    return ModelLayers(
-        photograph=quads * off,
-        diffuse=diffuse,
-        specular=specular,
-        model=model,
-        residual=quads * off - model,
-        used=np.broadcast_to(seen[..., None], model.shape) & (quads < 0.999),
-        pedestal=np.asarray(p.pedestal),
-        origin_px=(float(x[0, 0]), float(y[0, 0])),
-        step_px=2,
-    )
+    origin = (2.0 * columns.start + 0.5, 2.0 * rows.start + 0.5)
+    places = np.array([[-0.5, -0.5], [0.0, 0.0], [0.5, 0.5]])  # of red, both greens and blue about their quad's middle
+    return layers_of(best, quads, quads < 0.999, origin_px=origin, step_px=2, places_px=places)
 
 
 def _quads(photograph: LinearImage) -> Floats:

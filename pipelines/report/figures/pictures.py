@@ -40,7 +40,7 @@ def pictures(report: MaterialReport, layers: Small, tone: Tone) -> list[Picture]
         _plain("Specular", "light mirrored at the surface", layers.specular, tone),
         _plain("Model", "diffuse + specular + pedestal", layers.model, tone),
         _residual_sigmas(report, layers),
-        _residual_percent(report, layers),
+        _residual_percent(layers),
     ]
 
 
@@ -63,31 +63,9 @@ def sample_sd(report: MaterialReport, model: Floats) -> Floats:
     return np.asarray(np.sqrt(np.stack(variance, axis=-1)))
 
 
-def residual_at_samples(report: MaterialReport, layers: Small) -> Floats:
-    """What is left (h, w, 3) of the photograph at the samples' own places.
-
-    The layers take a quad's model at its middle; its red and its blue lie half a sample to either side, where the
-    model differs by its slope. Without this the slope would pass for a misfit of many noise sds.
-    """
-    per_px = 1.0 / (layers.step_px * layers.factor)
-    left = layers.residual.copy()
-    for channel in range(3):
-        slope_y, slope_x = np.gradient(layers.model[..., channel])
-        x_px, y_px = _off_centre(report, layers, channel)
-        left[..., channel] -= (slope_x * x_px + slope_y * y_px) * per_px
-    return left
-
-
-def _off_centre(report: MaterialReport, layers: Small, channel: int) -> Floats:
-    """How far (2,) a channel's samples lie from the middle of their quad, px, on average."""
-    origins = np.array([plane.origin_px for plane in report.image.planes if plane.channel == channel])
-    away = origins - np.asarray(layers.origin_px)
-    return np.asarray(np.mean(away - layers.step_px * np.round(away / layers.step_px), axis=0))
-
-
 def _residual_sigmas(report: MaterialReport, layers: Small) -> Picture:
     """Each mean over its own noise: three channels of factor^2 samples."""
-    left = residual_at_samples(report, layers) / sample_sd(report, layers.model)
+    left = layers.residual / sample_sd(report, layers.model)
     value = _mean_channel(left) * np.sqrt(3.0) * layers.factor
     each = (
         f"each pixel is the mean of {layers.factor} × {layers.factor} samples" if layers.factor > 1 else "every sample"
@@ -95,10 +73,9 @@ def _residual_sigmas(report: MaterialReport, layers: Small) -> Picture:
     return _signed("Residual, in noise sd", f"photograph − model over the noise; {each}", value, SIGMAS, "σ")
 
 
-def _residual_percent(report: MaterialReport, layers: Small) -> Picture:
-    left = residual_at_samples(report, layers)
-    residual = _mean_channel(left)
-    model = _mean_channel(np.where(np.isfinite(left), layers.model, np.nan))
+def _residual_percent(layers: Small) -> Picture:
+    residual = _mean_channel(layers.residual)
+    model = _mean_channel(np.where(np.isfinite(layers.residual), layers.model, np.nan))
     bright = float(np.nanmax(model)) if np.isfinite(model).any() else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         value = np.where(model > LIT * bright, 100.0 * residual / model, np.nan)

@@ -15,7 +15,7 @@ MOST_PX = 400  # width and height of a picture on the page
 class Small:
     """The layers as (h, w, 3) means over `factor` x `factor` samples; NaN where there are none.
 
-    `residual` is of the samples that took part in the fit.
+    `residual` is of the samples that no flag spoils.
     """
 
     photograph: Floats
