@@ -269,6 +269,7 @@ class Estimate:
     interval_90: tuple[Any, Any] | None
     posterior_to_prior: float | Floats | None
     note: str = ""  # in words, why a parameter is not identified
+    flags: tuple[str, ...] = ()  # of `Flag`: what a reader must know of this one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -59,6 +59,7 @@ FIELDS = (
     ),
     ("… interval_68, _90", "equal-tailed posterior intervals, low and high"),
     ("… posterior_to_prior", "width of the posterior over that of the prior: near 1, the photograph tells nothing"),
+    ("… flags", "of this parameter alone: near_bound, not_identified"),
     (
         "… srgb",
         "a reflectance in linear sRGB: estimate, sd, xyz (D65), hex; of a relative scale without the light's colour",

@@ -268,7 +268,8 @@ def _parameter(report: MaterialReport, fit: Fit, parameter: Estimate) -> dict[st
     shown = ("estimate", "mode", "sd", "sd_statistical", "interval_68", "interval_90", "unit", "posterior_to_prior")
     srgb = srgb_of(report, fit, parameter)
     seen = None if srgb is None else {name: getattr(srgb, name) for name in ("estimate", "sd", "xyz", "hex")}
-    return {**{name: getattr(parameter, name) for name in shown}, "srgb": seen}
+    flags = [clean(flag) for flag in parameter.flags]
+    return {**{name: getattr(parameter, name) for name in shown}, "flags": flags, "srgb": seen}
 
 
 def _posterior(fit: Fit) -> dict[str, Any]:

@@ -131,7 +131,7 @@ class FlagRow:
 
     name: str
     meaning: str
-    about: str  # the whole photograph, or which fit
+    about: str  # the whole photograph, which fit, or which of its parameters
 
 
 def flag_rows(report: MaterialReport) -> list[FlagRow]:
@@ -139,11 +139,16 @@ def flag_rows(report: MaterialReport) -> list[FlagRow]:
     best = report.fits[report.best] if report.fits else None
     found = [(flag, "") for flag in report.flags]
     found += [(flag, "separation by colour") for flag in (report.separation.flags if report.separation else ())]
-    found += [(flag, "best fit") for flag in (best.flags if best else ())]
+    found += [(flag, concerned(best, flag) or "best fit") for flag in (best.flags if best else ())]
     names: dict[str, str] = {}
     for flag, about in found:
         names.setdefault(str(flag), about)
     return [FlagRow(name=clean(flag), meaning=meaning(flag), about=about) for flag, about in names.items()]
+
+
+def concerned(fit: Fit | None, flag: str) -> str:
+    """The parameters of a fit that a flag is about; empty where it is about the whole."""
+    return ", ".join(clean(parameter.name) for parameter in (fit.parameters if fit else ()) if flag in parameter.flags)
 
 
 def meaning(flag: str) -> str:

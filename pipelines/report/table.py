@@ -13,7 +13,7 @@ from toolkit.flags import MEANING, Flag
 from toolkit.records import CameraColour, Estimate, Fit, Floats, LinearImage, MaterialReport, Reference, Scene
 
 from .digits import interval, plus_minus, rounded
-from .rows import elpd_difference, ranking
+from .rows import concerned, elpd_difference, ranking
 from .text import base_name, clean
 
 if TYPE_CHECKING:
@@ -212,8 +212,9 @@ def _remarks(report: MaterialReport) -> Iterator[str]:
         if parameter.note:
             yield f"{parameter.name}: {clean(parameter.note)}"
     for flag in dict.fromkeys((*report.flags, *(best.flags if best else ()))):
-        known = flag in list(Flag)
-        yield f"{clean(flag)}: {MEANING[Flag(flag)]}" if known else clean(flag)
+        said = f"{clean(flag)}: {MEANING[Flag(flag)]}" if flag in list(Flag) else clean(flag)
+        whose = concerned(best, flag)
+        yield f"{said} ({whose})" if whose else said
 
 
 def _table(*heads: str, folded: str = "") -> Table:

@@ -111,9 +111,20 @@ def test_without_irradiance_only_the_product_of_f0_and_scale_is_told() -> None:
     assert f0.estimate is None
     assert "second light" in f0.note
     assert "not_identified" in found.flags
+    assert {e.name for e in found.parameters if e.flags} == {"specular_f0"}
     irradiance = np.asarray(scene.lights[0].irradiance)
     assert _estimate(found, "diffuse_albedo") == pytest.approx(np.array(BODY) * irradiance, rel=0.005)
     assert next(e.unit for e in found.parameters if e.name == "diffuse_albedo") == "relative"
+
+
+def test_a_bound_is_told_of_the_parameter_that_rests_on_it() -> None:
+    """A Lambertian body fitted as Oren and Nayar's: its roughness is none, and nothing else lies at a bound."""
+    radiance, scene = radiance_of(200)
+    image = photograph(radiance, seed=1)
+    model = Model.named("torrance-sparrow", "oren-nayar")
+    found = infer(image, scene, gather_for(image, scene), model, seed=1)
+    assert "near_bound" in found.flags
+    assert {e.name for e in found.parameters if "near_bound" in e.flags} == {"diffuse_roughness_rad"}
 
 
 @pytest.mark.parametrize(

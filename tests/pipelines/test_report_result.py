@@ -63,6 +63,7 @@ PARAMETER = {
     "interval_90",
     "unit",
     "posterior_to_prior",
+    "flags",
     "srgb",
 }
 

@@ -122,6 +122,18 @@ def test_flags_are_explained_in_words() -> None:
     assert "new_flag" in text
 
 
+def test_a_flag_names_the_parameters_that_it_is_about() -> None:
+    """Those of the best fit that carry it, and none where it is about the whole."""
+    fit = report().fits[report().best]
+    first, *others = fit.parameters
+    bound = replace(
+        fit, flags=(Flag.NEAR_BOUND, Flag.POOR_FIT), parameters=(replace(first, flags=(Flag.NEAR_BOUND,)), *others)
+    )
+    text = " ".join(printed(replace(report(), fits=(bound,), best=0)).split())
+    assert f"{MEANING[Flag.NEAR_BOUND]} ({first.name})" in text
+    assert f"{MEANING[Flag.POOR_FIT]} (" not in text
+
+
 def test_a_report_without_fits_still_prints() -> None:
     """Head and last line."""
     text = printed(replace(report(), fits=(), best=0, preferred=None, elpd_difference=None))

@@ -107,9 +107,9 @@ def estimates_of(optimum: Optimum, draws: Draws, statistical: Mapping[str, Float
     """Every parameter with posterior mean, mode, sds and equal-tailed intervals; `statistical` sds where there are."""
     by_name = posterior_draws(optimum, draws)
     mode = named_draws(optimum, optimum.u[None], optimum.x[None])
-    prior = _prior_sds(optimum)
+    prior, bound = _prior_sds(optimum), _on_bound(optimum)
     result = [
-        _estimate(optimum, name, values, mode[name][0], statistical.get(name), prior[name])
+        _estimate(optimum, name, values, mode[name][0], statistical.get(name), prior[name], at_bound=name in bound)
         for name, values in by_name.items()
     ]
     if optimum.problem.fresnel.kind == "strength":
@@ -117,10 +117,28 @@ def estimates_of(optimum: Optimum, draws: Draws, statistical: Mapping[str, Float
     return tuple(result)
 
 
+def _on_bound(optimum: Optimum) -> set[str]:
+    """The parameters, as they are told, one of whose numbers the fit left on a bound."""
+    layout, model = optimum.problem.layout, optimum.problem.model
+    linear, shape = optimum.on_bound[: len(layout.names)], optimum.on_bound[layout.size :]
+    found = {name for (name, _), on in zip(layout.names, linear, strict=True) if on}
+    if any(name.startswith("specular") for name in found):
+        found |= {"specular_strength", "specular_f0"}  # one is told by the other
+    return found | {p.name for p, on in zip(model.parameters, shape, strict=True) if on}
+
+
 def _estimate(
-    optimum: Optimum, name: str, values: Floats, mode: Floats, statistical: Floats | None, prior_sd: Floats
+    optimum: Optimum,
+    name: str,
+    values: Floats,
+    mode: Floats,
+    statistical: Floats | None,
+    prior_sd: Floats,
+    *,
+    at_bound: bool,
 ) -> Estimate:
     sd = values.std(axis=0, ddof=1)
+    wide = not name.startswith("pedestal") and np.max(sd / prior_sd) > UNIDENTIFIED
     low68, low90, high90, high68 = np.percentile(values, [16, 5, 95, 84], axis=0)
     return Estimate(
         name=name,
@@ -132,6 +150,7 @@ def _estimate(
         interval_68=(low68, high68),
         interval_90=(low90, high90),
         posterior_to_prior=sd / prior_sd,
+        flags=(*((Flag.NEAR_BOUND,) if at_bound else ()), *((Flag.NOT_IDENTIFIED,) if wide else ())),
     )
 
 
@@ -147,6 +166,7 @@ def _unidentified_f0() -> Estimate:
         interval_90=None,
         posterior_to_prior=np.ones(3),
         note=F0_NOTE,
+        flags=(Flag.NOT_IDENTIFIED,),
     )
 
 
@@ -204,13 +224,8 @@ def flags_of(
         found.append(Flag.NOT_CONVERGED)
     if not draws.long_enough:
         found.append(Flag.CHAIN_TOO_SHORT)
-    layout = optimum.problem.layout
-    if np.delete(optimum.on_bound, np.s_[len(layout.names) : layout.size]).any():  # of the material's own numbers
-        found.append(Flag.NEAR_BOUND)
-    told = [e for e in estimates if not e.name.startswith("pedestal")]
-    wide = [e for e in told if e.posterior_to_prior is not None and np.max(e.posterior_to_prior) > UNIDENTIFIED]
-    if wide:
-        found.append(Flag.NOT_IDENTIFIED)
+    of_one = {flag for estimate in estimates for flag in estimate.flags}
+    found += [flag for flag in (Flag.NEAR_BOUND, Flag.NOT_IDENTIFIED) if flag in of_one]
     if not _detected(optimum):
         found.append(Flag.NO_SPECULAR)
     if misfit[0] > POOR_CHI2 and misfit[1] > POOR_RESIDUAL:
