@@ -116,6 +116,7 @@ def test_an_interrupt_is_130_and_leaves_nothing(folder: Path, send: Callable[[in
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's job in the background ignores it
     ) as process:
         assert process.stderr is not None
         assert process.stdout is not None
