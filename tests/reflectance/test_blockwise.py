@@ -10,9 +10,16 @@ from toolkit.reflectance import LOBES, Cosines
 from toolkit.reflectance.blockwise import BLOCK, blockwise
 
 LIGHT, VIEW = (v[:24_000] for v in around(12_000))
-COSINES = Cosines.of(UP, LIGHT.reshape(4, -1, 3), VIEW.reshape(4, -1, 3))  # more than a block
+COSINES = Cosines.of(UP, LIGHT.reshape(4, -1, 3), VIEW.reshape(4, -1, 3))
 
 
+@pytest.fixture
+def small_blocks(monkeypatch):
+    """Blocks that these directions are more than one of."""
+    monkeypatch.setattr("toolkit.reflectance.blockwise.BLOCK", 8192)
+
+
+@pytest.mark.usefixtures("small_blocks")
 @pytest.mark.parametrize("name", LOBES)
 def test_blocks_change_nothing(name):
     """Value and gradient of one shape, and of several at once, are bit by bit what one call of the lobe gives."""
@@ -25,6 +32,7 @@ def test_blocks_change_nothing(name):
             np.testing.assert_array_equal(part, expected)
 
 
+@pytest.mark.usefixtures("small_blocks")
 @pytest.mark.parametrize("whole", [(24_000,), (4, 6000), (6000, 4), (150, 160)])
 def test_cosines_of_many_directions(whole):
     """Whatever shape the directions come in; each as it is by itself."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-BLOCK = 16_384  # elements
+BLOCK = 65_536  # elements
 
 Piece = Callable[[Any], Any]  # cuts one block out of a number or an array that broadcasts to the whole
 

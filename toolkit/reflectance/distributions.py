@@ -62,21 +62,19 @@ def beckmann(cosines: Cosines, alpha: Number) -> Floats:
 
     Beckmann & Spizzichino 1963, as in Walter et al. 2007, equation 25.
     """
-    cos2, tan2 = _cos2_tan2(cosines)
-    a2 = np.square(alpha)
-    return np.asarray(decay(tan2 * (1.0 / a2)) / (np.pi * a2 * np.square(cos2)))
+    return _beckmann_and_tan2(cosines, alpha)[0]
 
 
 def beckmann_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
     """Beckmann's density, and its derivative in `alpha`."""
-    density = beckmann(cosines, alpha)
-    _, tan2 = _cos2_tan2(cosines)
-    return density, density * (2.0 / np.asarray(alpha)) * (tan2 / np.square(alpha) - 1.0)
+    density, tan2 = _beckmann_and_tan2(cosines, alpha)
+    return density, density * ((2.0 / np.power(alpha, 3)) * tan2 - 2.0 / np.asarray(alpha))
 
 
-def _cos2_tan2(cosines: Cosines) -> tuple[Floats, Floats]:
-    cos2 = np.maximum(np.square(cosines.n_dot_h), _TINY)
-    return cos2, cosines.sin2_h / cos2
+def _beckmann_and_tan2(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
+    a2, sec2 = np.square(alpha), 1.0 / np.maximum(np.square(cosines.n_dot_h), _TINY)
+    tan2 = cosines.sin2_h * sec2
+    return decay(tan2 * (1.0 / a2)) * np.square(sec2) * (1.0 / (np.pi * a2)), tan2
 
 
 def ggx(cosines: Cosines, alpha: Number) -> Floats:

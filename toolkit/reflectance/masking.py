@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
@@ -33,16 +34,28 @@ def beckmann_one_sided(cosine: Floats, alpha: Number) -> Floats:
 
     Up to 6e-3 from Smith's exact G1; it steps by 6e-5 where it reaches 1.
     """
-    a = _cotangent(cosine) / alpha
-    return np.where(a < 1.6, a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a)), 1.0)
+    hiding, a, _ = _where_facets_hide(cosine, alpha)
+    found = np.ones(hiding.shape)
+    found[hiding] = a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a))
+    return found
 
 
 def beckmann_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
     """The derivative of Walter's rational G1 in `alpha`."""
-    a = _cotangent(cosine) / alpha
+    hiding, a, width = _where_facets_hide(cosine, alpha)
     above, below = a * (3.535 + 2.181 * a), 1.0 + a * (2.276 + 2.577 * a)
     slope = ((3.535 + 4.362 * a) * below - above * (2.276 + 5.154 * a)) / np.square(below)
-    return (np.where(a < 1.6, slope * (-a / alpha), 0.0),)
+    found = np.zeros(hiding.shape)
+    found[hiding] = slope * (-a / width)
+    return (found,)
+
+
+def _where_facets_hide(cosine: Floats, alpha: Number) -> tuple[NDArray[np.bool_], Floats, Floats]:
+    """Where Walter's G1 is not 1, which is near grazing, and there its a = cot(theta) / alpha and alpha."""
+    flattest = 1.6 * np.asarray(alpha)
+    hiding = np.asarray(cosine < flattest / np.sqrt(1.0 + np.square(flattest)))
+    width = np.broadcast_to(alpha, hiding.shape)[hiding]
+    return hiding, _cotangent(np.broadcast_to(cosine, hiding.shape)[hiding]) / width, width
 
 
 def _cotangent(cosine: Floats) -> Floats:
