@@ -5,8 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 
@@ -25,6 +25,7 @@ FEWEST_CELLS = 60  # per channel: fewer lit, unclipped cells cannot hold a fit
 OTHER_BODIES = ("oren-nayar", "wolff")  # tried with the best model unasked; costlier ones wait for `--diffuse`
 Pair = tuple[str, str]  # a specular model with its variant, a diffuse lobe
 Job = Callable[[Pair], Fit]
+Ended = tuple[Pair, Fit]
 
 
 def fit_models(
@@ -58,20 +59,30 @@ def fit_models(
     others = () if settings.fit.diffuse else OTHER_BODIES
     tell = _teller(progress, len(wanted) + len(others))
     # one thread for each of the small products: faster, and the same sums on every machine
-    with threadpool_limits(1), _workers(fit, processes, most=max(len(wanted), len(others))) as all_of:
-        fits = _told(wanted, all_of(wanted), tell)
-        best = max(range(len(fits)), key=lambda i: fits[i].elpd)
-        again = [(wanted[best][0], body) for body in others]
-        return tuple(fits + _told(again, all_of(again), tell))
+    with threadpool_limits(1), _workers(fit, processes, most=max(len(wanted), len(others))) as each_of:
+        fits: dict[Pair, Fit] = {}
+        guess, ahead = "", iter(list[Ended]())
+        for pair, found in each_of(wanted):
+            fits[pair] = found
+            tell(pair)
+            if len(fits) == len(wanted) - 1:  # a core falls idle: the best of all but one is likely that of all
+                guess = _best(wanted, fits)
+                ahead = each_of(_over(guess, others))
+        best = _best(wanted, fits)
+        for pair, found in ahead if guess == best else each_of(_over(best, others)):
+            fits[pair] = found
+            tell(pair)
+        return tuple(fits[pair] for pair in (*wanted, *_over(best, others)[::-1]))
 
 
-def _told(pairs: Sequence[Pair], found: Iterable[Fit], tell: Callable[[Pair], None]) -> list[Fit]:
-    """The fits, each one's end told."""
-    fits = []
-    for pair, fit in zip(pairs, found, strict=True):
-        fits.append(fit)
-        tell(pair)
-    return fits
+def _best(pairs: Sequence[Pair], fits: Mapping[Pair, Fit]) -> str:
+    """The model of those fitted that predicts best."""
+    return max((pair for pair in pairs if pair in fits), key=lambda pair: fits[pair].elpd)[0]
+
+
+def _over(model: str, bodies: Sequence[str]) -> list[Pair]:
+    """The costlier pairs first, so that no core waits for the other at the end."""
+    return [(model, body) for body in bodies[::-1]]
 
 
 def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
@@ -89,15 +100,16 @@ def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
 _job: Job | None = None  # what the children of a fork find where the parent left it
 
 
-def _run(pair: Pair) -> Fit:
+def _run(pair: Pair) -> Ended:
     if _job is None:
         raise RuntimeError("a worker was started without its job")
-    return _job(pair)
+    return pair, _job(pair)
 
 
 @contextmanager
-def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable[[Sequence[Pair]], Iterable[Fit]]]:
-    """What gives all fits in order: side by side in forks of this process where it may have children, else one by one.
+def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable[[Sequence[Pair]], Iterator[Ended]]]:
+    """What gives fits as they end: in forks of this process where it may have children, begun at once, side by side;
+    else one by one, each when it is asked for.
 
     On an interrupt the forks end at once instead of with their work.
     """
@@ -105,7 +117,7 @@ def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
     workers = min(processes or cores, most)
     if workers < 2 or multiprocessing.current_process().daemon or os.environ.get(ALONE):
-        yield lambda pairs: map(fit, pairs)
+        yield lambda pairs: ((pair, fit(pair)) for pair in pairs)
         return
     _job, others = fit, set(multiprocessing.active_children())
     fork = multiprocessing.get_context("fork")
@@ -121,9 +133,10 @@ def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable
         _job = None
 
 
-def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Fit]:
+def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Ended]:
     with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
-        return pool.map(_run, pairs)
+        futures = [pool.submit(_run, pair) for pair in pairs]
+    return (future.result() for future in as_completed(futures))
 
 
 def _leave_interrupts_to_parent() -> None:
