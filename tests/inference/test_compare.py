@@ -77,7 +77,8 @@ def test_leaving_a_block_out_is_what_a_new_fit_without_it_predicts() -> None:
 
 def _only(data: ChannelCells, there: np.ndarray) -> ChannelCells:
     rows = data.rows[: data.cells]
-    return data.only(there[rows], rows[there[rows]])
+    kept = np.flatnonzero(there[rows])
+    return data.only(kept, rows[kept])
 
 
 def _density(optimum: object, held: object) -> float:

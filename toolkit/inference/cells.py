@@ -58,31 +58,34 @@ class ChannelCells:
         return self.told(nodes[..., self.place, :, :])
 
     def told(self, here: Floats) -> Floats:
-        """The data (..., m) of what has the values `here` (..., 4, N) at the nodes of the channel's own place."""
+        """The data (..., m) of what has the values `here` (..., 4, N) at the nodes of the channel's own place.
+
+        Of means without slopes the nodes may be any number.
+        """
         n = self.cells
         here = here if n == here.shape[-1] else here[..., self.rows[:n]]
+        if not self.slopes:
+            return np.asarray(here.mean(axis=-2))
         result = np.empty((*here.shape[:-2], len(self.rows)))
         above, below = here[..., 0, :] + here[..., 1, :], here[..., 2, :] + here[..., 3, :]
         np.add(above, below, out=result[..., :n])
-        if self.slopes:
-            np.subtract(here[..., 1, :], here[..., 0, :], out=result[..., n : 2 * n])
-            result[..., n : 2 * n] += here[..., 3, :]
-            result[..., n : 2 * n] -= here[..., 2, :]
-            np.subtract(below, above, out=result[..., 2 * n :])
-            if self.narrower is not None:
-                result[..., n:] *= np.tile(self.narrower, 2)
+        np.subtract(here[..., 1, :], here[..., 0, :], out=result[..., n : 2 * n])
+        result[..., n : 2 * n] += here[..., 3, :]
+        result[..., n : 2 * n] -= here[..., 2, :]
+        np.subtract(below, above, out=result[..., 2 * n :])
+        if self.narrower is not None:
+            result[..., n:] *= np.tile(self.narrower, 2)
         result *= 0.25
         return result
 
-    def only(self, kept: NDArray[np.bool_], rows: NDArray[np.intp], *, slopes: bool = True) -> ChannelCells:
-        """Some of the cells (n,), at new places (number kept,), with their slopes or without."""
+    def only(self, kept: NDArray[np.intp], rows: NDArray[np.intp], *, slopes: bool = True) -> ChannelCells:
+        """Some of the cells (k,), at new places `rows` (k,), with their slopes or without."""
         times = 3 if slopes and self.slopes else 1
-        here = np.tile(kept, times)
         return ChannelCells(
             rows=np.tile(rows, times),
             place=self.place,
-            value=self.value[: len(here)][here],
-            count=self.count[: len(here)][here],
+            value=self.value.reshape(len(self.rows) // max(self.cells, 1), self.cells)[:times, kept].ravel(),
+            count=self.count.reshape(-1, self.cells)[:times, kept].ravel(),
             censored=self.censored[kept],
             slopes=times == 3,
             narrower=None if self.narrower is None else self.narrower[kept],
@@ -130,7 +133,8 @@ class Cells:
         channels = []
         for data in self.channels:
             rows = place[data.rows[: data.cells]]
-            few = data.only(rows >= 0, rows[rows >= 0], slopes=False)
+            of_them = np.flatnonzero(rows >= 0)
+            few = data.only(of_them, rows[of_them], slopes=False)
             channels.append(replace(few, rows=found.setdefault(id(data.rows), few.rows)))
         return Cells(
             x_px=self.x_px[kept],

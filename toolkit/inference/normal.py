@@ -79,6 +79,15 @@ class Prior:
     def __post_init__(self) -> None:
         readonly(self)
 
+    def first(self, count: int) -> Prior:
+        """That of the first unknowns, as if nothing were known of the others."""
+        return Prior(
+            precision=self.precision[:count, :count].copy(),
+            centre=self.centre[:count].copy(),
+            low=self.low[:count].copy(),
+            high=self.high[:count].copy(),
+        )
+
     def joined(self, precision: Floats, centre: Floats) -> Prior:
         """With that of further unknowns, independent of these and of any size."""
         anywhere = np.full(len(centre), np.inf)
@@ -115,7 +124,7 @@ class Weighing:
 
 def weigh(weights: tuple[Weights, ...], extras: tuple[Floats, ...]) -> Weighing:
     """Weights of a problem with these extra columns, (n, q) per channel."""
-    weighted = tuple(w.times(e.T) for e, w in zip(extras, weights, strict=True))
+    weighted = tuple(w.times(e.T) if e.size else e.T for e, w in zip(extras, weights, strict=True))
     return Weighing(
         weights=weights, weighted=weighted, gram=tuple(a @ e for a, e in zip(weighted, extras, strict=True))
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -55,6 +55,17 @@ class Problem:
             extras=extras,
             layout=replace(self.layout, extras=len(centre)),
             prior=self.prior.joined(precision, centre),
+        )
+
+    def seen_in(self, views: Iterable[View]) -> Problem:
+        """Of other samples of the same photographs, without further columns."""
+        views = tuple(views)
+        return replace(
+            self,
+            views=views,
+            layout=replace(self.layout, extras=0),
+            prior=self.prior.first(len(self.layout.names)),
+            extras=_no_extras(views),
         )
 
     def columns(self, u: Floats, *, derivatives: bool = False, evaluate: Evaluate | None = None) -> Evaluated:
@@ -144,9 +155,13 @@ def pose_views(
         fresnel=fresnel,
         layout=layout,
         prior=prior_of(layout, views),
-        extras=tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels),
+        extras=_no_extras(views),
         tempering=tempering,
     )
+
+
+def _no_extras(views: Iterable[View]) -> tuple[Floats, ...]:
+    return tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
 
 
 def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:

@@ -21,13 +21,15 @@ ROUNDS = 4  # of new weights, at most
 TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is taken: an error of second order
 
 
-def refine(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Optimum:
+def refine(
+    problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None, *, rounds: int = ROUNDS
+) -> Optimum:
     """Descend from a shape, with new weights from the prediction in turn, until both stand.
 
     `cols` are the columns there with their derivatives, where they are known already.
     """
     here = descend(problem, u, weights, cols)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         weights, problem = weights_at(problem, here.predicted), _tangent_at(here)
         known = here.columns if problem is here.problem else None
         if known and _alike(weights, here):
@@ -58,10 +60,10 @@ def _alike(weights: Weighing, optimum: Optimum) -> bool:
     """
     change, counted = 0.0, optimum.weights.counted
     for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
-        there = old.each > 0.0
-        if np.any((new.each > 0.0) != there):
+        if np.any((new.each > 0.0) != (old.each > 0.0)):
             return False
-        change += float(np.sum((new.each[there] / old.each[there] - 1.0) ** 2) + np.sum((new.lean - old.lean) ** 2))
+        each, lean = (new.each - old.each) / np.maximum(old.each, 1e-300), (new.lean - old.lean).ravel()
+        change += float(each @ each + lean @ lean)
     tempering = optimum.problem.tempering
     apart = float(np.sqrt(1.0 / tempering)) + misfit_root(optimum.chi2, counted, tempering)
     return float(np.sqrt(change / max(counted, 1))) * apart <= STANDS_SD

@@ -10,7 +10,7 @@ from toolkit.records import Floats
 
 from .model import Model, columns_of_many
 from .normal import Weighing, bounded_each, equations, sums_of
-from .problem import Optimum, Problem, pose_views, weights_at
+from .problem import Optimum, Problem, weights_at
 from .refine import refine
 
 GRID = 16  # shapes tried along a single shape number, its range's ends among them, before the descent begins
@@ -20,13 +20,8 @@ SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 
 
 def thinned(problem: Problem) -> Problem:
-    """The same on the means of some `SEARCH_CELLS` of each photograph's cells."""
-    return pose_views(
-        problem.model,
-        [view.thinned(every) for view, every in zip(problem.views, strides(problem), strict=True)],
-        fresnel=problem.fresnel,
-        tempering=problem.tempering,
-    )
+    """The same on the means of some `SEARCH_CELLS` of each photograph's cells, without further columns."""
+    return problem.seen_in(view.thinned(every) for view, every in zip(problem.views, strides(problem), strict=True))
 
 
 def strides(problem: Problem) -> list[int]:
@@ -40,7 +35,8 @@ def search(few: Problem) -> list[Optimum]:
     if not few.model.parameters:
         return [refine(few, np.zeros(0), weights)]
     apart = 0.1 * np.subtract(*few.model.bounds()[::-1])
-    found = [refine(few, u, weights) for u in _starts(few, weights, apart)[:DESCENTS]]
+    middles = few.seen_in(view.middles() for view in few.views)
+    found = [refine(few, u, weights, rounds=1) for u in _starts(middles, weights, apart)[:DESCENTS]]
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]

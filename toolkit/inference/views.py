@@ -52,6 +52,10 @@ class View:
             lights=tuple(light.thinned(every) for light in self.lights),
         )
 
+    def middles(self) -> View:
+        """One node in the middle of each cell, for a look at where to begin: of no use to slopes."""
+        return replace(self, lights=tuple(light.middles() for light in self.lights))
+
     def under_whole_lights(self) -> View:
         """For a lobe that holds a light's disc itself."""
         sized = any(light.angular_radius_deg for light in self.scene.lights)

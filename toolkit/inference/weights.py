@@ -32,7 +32,7 @@ class Weights:
     @property
     def counted(self) -> int:
         """How many data count."""
-        return int(np.count_nonzero(self.each))
+        return int(np.count_nonzero(self.each > 0.0))
 
     @property
     def of_means(self) -> Floats:
