@@ -45,7 +45,7 @@ def finite_and_not_negative(lobe: Lobe) -> None:
                 assert value.dtype == np.float64, (variant, shape)
                 assert np.all(np.isfinite(value)), (variant, shape)
                 assert np.all(value >= 0.0), (variant, shape)
-                for slope in lobe.derivative(cosines, shape, variant):
+                for slope in lobe.with_derivatives(cosines, shape, variant):
                     assert np.all(np.isfinite(slope)), (variant, shape)
 
 
@@ -110,19 +110,21 @@ def broadcasts(lobe: Lobe) -> None:
     columns = tuple(np.array(column)[:, None, None] for column in zip(*points, strict=True))
     for variant in variants(lobe):
         together = np.broadcast_to(lobe.value(cosines, columns, variant), (len(points), 2, 3))
-        slopes = lobe.derivative(cosines, columns, variant)
+        slopes = lobe.with_derivatives(cosines, columns, variant)
         for number, shape in enumerate(points):
             np.testing.assert_allclose(together[number], lobe.value(cosines, shape, variant), rtol=1e-12)
-            for all_at_once, alone in zip(slopes, lobe.derivative(cosines, shape, variant), strict=True):
+            for all_at_once, alone in zip(slopes, lobe.with_derivatives(cosines, shape, variant), strict=True):
                 np.testing.assert_allclose(np.broadcast_to(all_at_once, together.shape)[number], alone, rtol=1e-9)
 
 
 def gradient_is_the_slope(lobe: Lobe) -> None:
-    """The gradient is the slope of the value, by finite differences wherever the lobe is smooth."""
+    """The gradient is the value and its slope, by finite differences wherever the lobe is smooth."""
     cosines = seen(*around(400), source_radius_rad=0.02)
     for variant in variants(lobe):
         for shape in shapes(lobe, (0.1, 0.45, 0.9)):
-            for number, slope in enumerate(lobe.derivative(cosines, shape, variant)):
+            value, *slopes = lobe.with_derivatives(cosines, shape, variant)
+            np.testing.assert_allclose(value, lobe.value(cosines, shape, variant), rtol=1e-9, err_msg=f"{variant}")
+            for number, slope in enumerate(slopes):
                 _compare(lobe, cosines, shape, variant, number, slope)
 
 

@@ -37,7 +37,7 @@ BROKEN = {
         LAMBERT, evaluate=lambda c: np.where((c.n_dot_v > 0.0) & (c.n_dot_v < 1e-8), np.inf, LAMBERT.evaluate(c))
     ),
     "finite_and_not_negative: gradient": replace(
-        GGX, gradient=lambda c, alpha, **_: (np.where(c.n_dot_h > 0.5, 0.0, np.nan),)
+        GGX, gradient=lambda c, alpha, **v: (GGX.evaluate(c, alpha, **v), np.where(c.n_dot_h > 0.5, 0.0, np.nan))
     ),
     "dark_beyond_the_horizon": replace(LAMBERT, evaluate=lambda c: c.n_dot_l / np.pi),
     "bounded_at_grazing_view: no masking": replace(GGX, evaluate=_without_limit),
@@ -48,9 +48,16 @@ BROKEN = {
     "conserves_energy: duer": replace(WARD, variant_claims={("normalisation", "duer"): {Claim.CONSERVES_ENERGY}}),
     "conserves_energy: sharp": _scaled(TS, lambda c, sigma: np.where(np.asarray(sigma) < 0.006, 1.01, 1.0)),
     "broadcasts": replace(GGX, evaluate=_only_floats),
-    "gradient_is_the_slope: value": replace(GGX, gradient=lambda c, alpha, **v: (GGX.evaluate(c, alpha, **v),)),
+    "gradient_is_the_slope: value": replace(GGX, gradient=lambda c, alpha, **v: (GGX.evaluate(c, alpha, **v),) * 2),
+    "gradient_is_the_slope: another value": replace(
+        GGX, gradient=lambda c, alpha, **v: (2.0 * GGX.evaluate(c, alpha, **v), *GGX.gradient(c, alpha, **v)[1:])
+    ),
     "gradient_is_the_slope: masking forgotten": replace(
-        GGX, gradient=lambda c, alpha, **v: tuple(g * (1.0 + 1e-4 * c.n_dot_v) for g in GGX.gradient(c, alpha, **v))
+        GGX,
+        gradient=lambda c, alpha, **v: (
+            GGX.evaluate(c, alpha, **v),
+            GGX.gradient(c, alpha, **v)[1] * (1.0 + 1e-4 * c.n_dot_v),
+        ),
     ),
 }
 

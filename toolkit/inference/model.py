@@ -194,12 +194,14 @@ def columns(
     """
     shape = model.natural(u)
     sharp, soft = model.split(shape)
-    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft, evaluate))] for lit in lights]
     if derivatives:
-        scales = [number if p.log else 1.0 for number, p in zip(shape, model.parameters, strict=True)]
-        for lit, mine in zip(lights, blocks, strict=True):
-            gradient = _gradients(lit, model, sharp, soft)
-            mine += [_terms(lit, fresnel, *part, scale) for part, scale in zip(gradient, scales, strict=True)]
+        scales = [1.0] + [number if p.log else 1.0 for number, p in zip(shape, model.parameters, strict=True)]
+        parts = [zip(_with_gradients(lit, model, sharp, soft), scales, strict=True) for lit in lights]
+    else:
+        parts = [zip([_values(lit, model, sharp, soft, evaluate)], [1.0], strict=True) for lit in lights]
+    blocks = [
+        [_terms(lit, fresnel, *lobes, scale) for lobes, scale in mine] for lit, mine in zip(lights, parts, strict=True)
+    ]
     return _channels(blocks, [lit.colour for lit in lights], cells, ())
 
 
@@ -254,11 +256,11 @@ def _values(
     return model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
 
 
-def _gradients(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> list[tuple[Floats | None, Floats | None]]:
-    """Derivatives of the two lobes in each shape number; None where a lobe does not depend on it."""
-    found: list[tuple[Floats | None, Floats | None]] = []
-    found += [(None, g) for g in model.specular.derivative(lit.cosines, sharp, model.variant)]
-    return found + [(g, None) for g in model.diffuse.derivative(lit.cosines, soft)]
+def _with_gradients(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> list[tuple[Floats | None, Floats | None]]:
+    """The two lobes, and their derivatives in each shape number; None where a lobe does not depend on it."""
+    gloss, *by_sharp = model.specular.with_derivatives(lit.cosines, sharp, model.variant)
+    body, *by_soft = model.diffuse.with_derivatives(lit.cosines, soft)
+    return [(body, gloss), *((None, slope) for slope in by_sharp), *((slope, None) for slope in by_soft)]
 
 
 def _terms(

@@ -33,9 +33,10 @@ def evaluate(cosines: Cosines, shininess: Number, *, normalisation: str = "lectu
 
 
 def gradient(cosines: Cosines, shininess: Number, *, normalisation: str = "lecture") -> tuple[Floats, ...]:
-    """By shininess: the lobe times log(n.h), and the normaliser's own growth."""
+    """The value, and its derivative by shininess: the lobe times log(n.h), and the normaliser's own growth."""
     growth = _normaliser(np.asarray(shininess, float))[1] if normalisation == "energy" else 0.0
-    return (evaluate(cosines, shininess, normalisation=normalisation) * (_log_cosine(cosines) + growth),)
+    value = evaluate(cosines, shininess, normalisation=normalisation)
+    return value, value * (_log_cosine(cosines) + growth)
 
 
 def _log_cosine(cosines: Cosines) -> Floats:

@@ -36,10 +36,10 @@ def evaluate(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> Floa
 
 
 def gradient(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> tuple[Floats, ...]:
-    """By alpha."""
+    """The value, and its derivative by alpha."""
     density, d_density = ggx_derivative(cosines, alpha)
     seen, (d_seen,) = g.masking_derivatives(cosines, masking, g.GGX, alpha)
-    return (microfacet(cosines, d_density * seen + density * d_seen),)
+    return microfacet(cosines, density * seen), microfacet(cosines, d_density * seen + density * d_seen)
 
 
 register(

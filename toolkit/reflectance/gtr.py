@@ -34,11 +34,11 @@ def evaluate(cosines: Cosines, alpha: Number, tail: Number, *, masking: str = "s
 
 
 def gradient(cosines: Cosines, alpha: Number, tail: Number, *, masking: str = "smith") -> tuple[Floats, ...]:
-    """By alpha and tail."""
+    """The value, and its derivatives by alpha and tail."""
     density, by_alpha, by_tail = gtr_derivatives(cosines, alpha, tail)
     seen, (seen_alpha, seen_tail) = g.masking_derivatives(cosines, masking, SMITH, alpha, tail)
-    first = microfacet(cosines, by_alpha * seen + density * seen_alpha)
-    return first, microfacet(cosines, by_tail * seen + density * seen_tail)
+    parts = density * seen, by_alpha * seen + density * seen_alpha, by_tail * seen + density * seen_tail
+    return tuple(microfacet(cosines, part) for part in parts)
 
 
 register(

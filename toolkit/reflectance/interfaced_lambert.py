@@ -47,9 +47,8 @@ def evaluate(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Num
 
 
 def gradient(cosines: Cosines, diffuse_index: Number, diffuse_roughness_rad: Number) -> tuple[Floats, ...]:
-    """By diffuse_index and diffuse_roughness_rad."""
-    by = _each(_slopes, cosines, diffuse_index, diffuse_roughness_rad)
-    return by[0], by[1]
+    """The value, and its derivatives by diffuse_index and diffuse_roughness_rad."""
+    return tuple(_each(_slopes, cosines, diffuse_index, diffuse_roughness_rad))
 
 
 def _each(of: Callable[[Flat, float, float], Floats], cosines: Cosines, *shape: Number) -> Floats:
@@ -67,7 +66,8 @@ def _slopes(flat: Flat, index: float, sigma: float) -> Floats:
     (g_light, d_light), (g_view, d_view) = _sight(flat[0], sigma), _sight(flat[1], sigma)
     seen, d_seen = g_light * g_view, d_light * g_view + g_light * d_view
     total = by_sigma * seen + plain * d_seen
-    return np.stack([_over_view(flat, part * (plain > 0.0)) for part in (seen * by_index, total)])
+    lit = _over_view(flat, np.asarray(plain > 0.0, float))
+    return np.stack([lit * part for part in (seen * plain, seen * by_index, total)])
 
 
 def _facets_at(tables: Sequence[Floats], flat: Flat) -> list[Floats]:

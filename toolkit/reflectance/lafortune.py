@@ -30,13 +30,13 @@ def evaluate(cosines: Cosines, shininess: Number, axis_ratio: Number) -> Floats:
 
 
 def gradient(cosines: Cosines, shininess: Number, axis_ratio: Number) -> tuple[Floats, ...]:
-    """By shininess and axis_ratio."""
+    """The value, and its derivatives by shininess and axis_ratio."""
     value, base = evaluate(cosines, shininess, axis_ratio), _base(cosines, axis_ratio)
     product = cosines.n_dot_l * cosines.n_dot_v
     ratio = np.asarray(axis_ratio)
     bend = np.where(ratio > 1.0, -_opposite(cosines) / np.square(ratio), product)
     by_shininess = value * (_log(base) + 1.0 / (np.asarray(shininess) + 2.0))
-    return by_shininess, value * shininess * bend / np.maximum(base, 1e-30)
+    return value, by_shininess, value * shininess * bend / np.maximum(base, 1e-30)
 
 
 def _base(cosines: Cosines, axis_ratio: Number) -> Floats:

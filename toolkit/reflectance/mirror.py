@@ -39,7 +39,7 @@ def evaluate(cosines: Cosines, blur_rad: Number) -> Floats:
 
 
 def gradient(cosines: Cosines, blur_rad: Number) -> tuple[Floats, ...]:
-    """By blur_rad."""
+    """The value, and its derivative by blur_rad."""
     blur, angle, lit = np.broadcast_arrays(np.asarray(blur_rad, float), _angle(cosines), _lit(cosines))
     radius = cosines.source_radius_rad
     slope = np.zeros(angle.shape)
@@ -49,7 +49,7 @@ def gradient(cosines: Cosines, blur_rad: Number) -> tuple[Floats, ...]:
         slope[near] = np.exp(-0.5 * squared) * (squared - 2.0) / (2.0 * np.pi * np.power(blur[near], 3))
     else:
         slope[near] = _covered_slope(angle[near], blur[near], radius) / (np.pi * np.sin(radius) ** 2)
-    return (slope,)
+    return evaluate(cosines, blur_rad), slope
 
 
 def _angle(cosines: Cosines) -> Floats:

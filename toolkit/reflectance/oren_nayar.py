@@ -41,11 +41,12 @@ def evaluate(
 def gradient(
     cosines: Cosines, diffuse_roughness_rad: Number, *, form: str = "qualitative", interreflection: str = _NONE
 ) -> tuple[Floats, ...]:
-    """By diffuse_roughness_rad: only the constants of the brackets depend on it."""
-    positive = _bracket(cosines, diffuse_roughness_rad, form, interreflection) > 0.0
+    """The value, and its derivative by diffuse_roughness_rad: only the constants of the brackets depend on it."""
+    bracket, lit = _bracket(cosines, diffuse_roughness_rad, form, interreflection), _lit(cosines)
     s = np.asarray(diffuse_roughness_rad)
     slopes = [2.0 * s * b / np.square(s * s + b) for b in (0.33, 0.09, 0.13)]
-    return (_lit(cosines) * positive * _combine(cosines, slopes, form, interreflection),)
+    by = lit * (bracket > 0.0) * _combine(cosines, slopes, form, interreflection)
+    return lit * np.maximum(bracket, 0.0), by
 
 
 def _lit(cosines: Cosines) -> Floats:

@@ -35,10 +35,10 @@ def evaluate(cosines: Cosines, roughness_rad: Number, *, masking: str = "v-groov
 
 
 def gradient(cosines: Cosines, roughness_rad: Number, *, masking: str = "v-groove") -> tuple[Floats, ...]:
-    """By roughness_rad."""
+    """The value, and its derivative by roughness_rad."""
     density, d_density = gaussian_derivative(cosines, roughness_rad)
     seen, (d_seen,) = g.masking_derivatives(cosines, masking, SMITH, roughness_rad)
-    return (microfacet(cosines, d_density * seen + density * d_seen),)
+    return microfacet(cosines, density * seen), microfacet(cosines, d_density * seen + density * d_seen)
 
 
 register(

@@ -29,9 +29,10 @@ def evaluate(cosines: Cosines, alpha: Number, *, normalisation: str = "ward") ->
 
 
 def gradient(cosines: Cosines, alpha: Number, *, normalisation: str = "ward") -> tuple[Floats, ...]:
-    """By alpha."""
+    """The value, and its derivative by alpha."""
     growth = 2.0 / np.asarray(alpha) * (_tan2(cosines) / np.square(alpha) - 1.0)
-    return (evaluate(cosines, alpha, normalisation=normalisation) * growth,)
+    value = evaluate(cosines, alpha, normalisation=normalisation)
+    return value, value * growth
 
 
 def _tan2(cosines: Cosines) -> Floats:

@@ -31,11 +31,12 @@ def evaluate(cosines: Cosines, diffuse_index: Number) -> Floats:
 
 
 def gradient(cosines: Cosines, diffuse_index: Number) -> tuple[Floats, ...]:
-    """By diffuse_index."""
+    """The value, and its derivative by diffuse_index."""
     f_light, d_light = dielectric_derivative(cosines.n_dot_l, diffuse_index)
     f_view, d_view = dielectric_derivative(cosines.n_dot_v, diffuse_index)
     change = (f_light - 1.0) * d_view + (f_view - 1.0) * d_light
-    return (cosines.n_dot_l * (cosines.n_dot_v > 0.0) * change / np.pi,)
+    lit = cosines.n_dot_l * (cosines.n_dot_v > 0.0) / np.pi
+    return lit * (1.0 - f_light) * (1.0 - f_view), lit * change
 
 
 register(
