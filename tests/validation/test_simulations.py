@@ -24,6 +24,16 @@ def test_intervals_hold_over_a_hundred_simulations() -> None:
     assert np.mean(np.abs(2.0 * z) <= norm.isf(0.05)) < 0.81  # the control: sds of half the size would be noticed
 
 
+@pytest.mark.parametrize(
+    ("pair", "seed"),
+    [(("ggx", "lambert"), 35), (("ggx", "lambert"), 48), (("torrance-sparrow", "wolff"), 281)],
+)
+def test_a_valley_that_only_a_free_calibration_shows_is_found(pair: Pair, seed: int) -> None:
+    """GGX of alpha 0.9 under a lamp nearer than told passed for 0.55 under one less near, an index of 1.42 for 1.8."""
+    line = line_of(pair, seed, discrepancy=False)
+    assert max(abs(z_of(number)) for number in line["numbers"]) < 4.0
+
+
 @pytest.mark.parametrize(("pair", "seed"), [(("torrance-sparrow", "wolff"), 13), (("beckmann", "oren-nayar"), 119)])
 def test_a_body_is_found_though_the_search_begins_beside_its_highlight(pair: Pair, seed: int) -> None:
     """The first's index ran to a second valley at its range's end, the second's radius 14 prior sds away for good."""

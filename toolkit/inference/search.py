@@ -8,6 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
+from .descend import project
 from .model import Model, columns_of_many
 from .normal import Weighing, bounded_each, equations, sums_of
 from .problem import Optimum, Problem, weights_at
@@ -40,6 +41,23 @@ def search(few: Problem) -> list[Optimum]:
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]
+
+
+def beside(best: Optimum) -> list[Optimum]:
+    """Descents from other valleys of the lines through an optimum along each of its shape numbers.
+
+    With a problem's extra columns, as they are at the optimum: what a calibration takes up can hide a valley from a
+    search without it. Those count that look no worse on the line's few points than the optimum's own valley does.
+    """
+    low, high = best.problem.model.bounds()
+    apart, found = 0.1 * (high - low), []
+    for d in range(len(best.u)):
+        line = np.repeat(best.u[None], GRID, axis=0)
+        line[:, d] = np.linspace(low[d], high[d], GRID)
+        chi2 = np.array([project(best.problem, u, best.weights).chi2 for u in line])
+        own = np.min(chi2[np.abs(line[:, d] - best.u[d]) <= line[1, d] - line[0, d]])
+        found += [u for fits, u in _valleys(line, chi2) if fits <= own]
+    return [refine(best.problem, u, best.weights) for u in _far_apart([best.u, *found], apart)[1:]]
 
 
 def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:

@@ -20,7 +20,7 @@ from .normal import inverse, weigh
 from .nuisances import Shifts, shifted
 from .problem import Optimum, Problem, weights_at
 from .refine import refine
-from .search import search, strides, thinned
+from .search import beside, search, strides, thinned
 from .sensitivity import sensitivity
 from .tempering import STANDS, chi2_tempered, next_tempering, stands, tempering_of
 from .views import View
@@ -33,7 +33,6 @@ LINEAR_SD = 0.02  # by which the bend of a move may shift the answer
 TEMPERINGS = 4  # of one linearised problem, at most
 SHARES = (1.0, 0.4, 0.15, 0.05)  # of a move, tried in turn
 LONGEST_SD = 4.0  # prior sds of a shift that one move takes at most: what is linear ends long before
-MISLED = 30.0  # fall of chi-square through the calibration from which the shape is searched anew
 
 Blocks = Sequence[NDArray[np.intp]]
 Stand = tuple[Optimum, Floats]  # where all came to rest, and the shifts there
@@ -42,10 +41,10 @@ Stand = tuple[Optimum, Floats]  # where all came to rest, and the shifts there
 def fit_with_shifts(problem: Problem, shifts: Shifts, blocks: Blocks = ()) -> Stand:
     """The optimum with the shifts free; also the shifts at which the scene came to stand.
 
-    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed, and where the
-    calibration then moved by much, the shape is searched once more. All that on a few of the cells; what ends about
-    as well as the best goes on from there with all of them. With `blocks`, one a photograph, (N,) the block of every
-    cell, the data weigh less where they do not fit: see `tempering`.
+    A wrong calibration can make a wrong shape look best, so each distinct optimum is followed, and the shape is
+    searched once more with the calibration free about where it came to stand. All that on a few of the cells; what
+    ends about as well as the best goes on from there with all of them. With `blocks`, one a photograph, (N,) the
+    block of every cell, the data weigh less where they do not fit: see `tempering`.
     """
     nowhere = np.zeros(len(shifts.names))
     if not shifts.names and not blocks:
@@ -54,10 +53,8 @@ def fit_with_shifts(problem: Problem, shifts: Shifts, blocks: Blocks = ()) -> St
     few_blocks = [block[::every] for block, every in zip(blocks, times, strict=False)]
     starts = search(few)
     found = [_follow(few, start, shifts, nowhere, few_blocks, rounds=FEW_ROUNDS) for start in starts]
-    if shifts.names and _fallen(starts[0], _best(found)[0]) > MISLED:
-        total = _best(found)[1]
-        again = search(replace(few, views=_views(few, shifts, total)))
-        found += [_follow(few, start, shifts, total, few_blocks, rounds=FEW_ROUNDS) for start in again]
+    best, total = _best(found)
+    found += [_follow(few, start, shifts, total, few_blocks, rounds=FEW_ROUNDS) for start in beside(best)]
     more = problem.samples / few.samples
     ends = []
     for optimum, total in _rivals(found):
@@ -96,13 +93,6 @@ def _best(found: Sequence[Stand]) -> Stand:
     """The pair of least chi-square, all with the weight that the data have where they fit best."""
     least = min(optimum.problem.tempering for optimum, _ in found)
     return min(found, key=lambda pair: chi2_tempered(pair[0], least))
-
-
-def _fallen(start: Optimum, best: Optimum) -> float:
-    """How far chi-square fell from where a search ended, with the weight that the data have now."""
-    lighter = 1.0 / best.problem.tempering
-    weights = weigh(tuple(w.scaled(lighter) for w in start.weights.weights), start.problem.extras)
-    return project(start.problem, start.u, weights, start.columns).chi2 - best.chi2
 
 
 def _follow(
