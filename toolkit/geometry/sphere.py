@@ -45,7 +45,8 @@ def sight_offset(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> 
     There n.v = sqrt(1 - offset^2). Over a pixel it changes by at most 1 / (radius_px cos(angular radius)).
     """
     if camera.projection == "orthographic":
-        return np.asarray(np.hypot(x_px - sphere.centre_px[0], y_px - sphere.centre_px[1]) / sphere.radius_px)
+        x, y = x_px - sphere.centre_px[0], y_px - sphere.centre_px[1]
+        return np.asarray(np.sqrt(x * x + y * y) / sphere.radius_px)
     centre = centre_position(camera, sphere)
     along = _rays(camera, np.asarray(x_px, float), np.asarray(y_px, float)) @ centre
     return np.asarray(np.sqrt(np.maximum(centre @ centre - along * along, 0.0)))
@@ -55,9 +56,12 @@ def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
     nx = (x - sphere.centre_px[0]) / sphere.radius_px
     ny = -(y - sphere.centre_px[1]) / sphere.radius_px
     r2 = nx * nx + ny * ny
-    shrink = 1.0 / np.sqrt(np.maximum(r2, 1.0))
-    normal = _vectors(nx * shrink, ny * shrink, np.sqrt(np.maximum(1.0 - r2, 0.0)))
-    return Surface(normal=normal, view=np.broadcast_to((0.0, 0.0, 1.0), normal.shape), on_sphere=r2 < 1.0)
+    on_sphere = r2 < 1.0
+    if not on_sphere.all():
+        shrink = 1.0 / np.sqrt(np.maximum(r2, 1.0))
+        nx, ny = nx * shrink, ny * shrink
+    normal = _vectors(nx, ny, np.sqrt(np.maximum(1.0 - r2, 0.0)))
+    return Surface(normal=normal, view=np.broadcast_to((0.0, 0.0, 1.0), normal.shape), on_sphere=on_sphere)
 
 
 def _vectors(x: Floats, y: Floats, z: Floats) -> Floats:

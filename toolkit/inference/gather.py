@@ -14,6 +14,7 @@ import numpy as np
 
 from toolkit.geometry.sphere import sight_offset, surface
 from toolkit.records import Floats, Light, LinearImage, Scene
+from toolkit.reflectance.cosines import dots
 
 from .cells import SIDE_X, SIDE_Y, Cells, ChannelCells
 from .pyramid import Centroid, Grid, Level, Mask, Rows, grid_of, pyramid
@@ -68,15 +69,14 @@ def _cells_of(
     y = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
     aside = sight_offset(scene.camera, scene.sphere, x, y)
     across = 0.0 if last else width / scene.sphere.radius_px  # of a block's half diagonal: no more, at any focal length
-    near = np.flatnonzero(aside < wary.furthest + across)
-    x, y, row, column, aside = x[near], y[near], row[near], column[near], aside[near]
     lit, allowed = _light_on(scene, wary, x, y, finest_rad, last=last)
     spoiled = level.spoiled(row, column)
     keep, coarse = (aside < wary.furthest) & (lit > 0.0), np.zeros(len(x), bool)
     if not last:
         coarse = (width > allowed) | spoiled.any(axis=0)
         keep &= ~coarse
-    here, divided = np.flatnonzero(keep), np.flatnonzero(coarse & (lit > -STEEPEST * across))
+    worth = coarse & (aside < wary.furthest + across) & (lit > -STEEPEST * across)
+    here, divided = np.flatnonzero(keep), np.flatnonzero(worth)
     bound = np.zeros((3, len(here)), bool)
     if last and grid.clipped is not None:
         bound = grid.clipped[:, row[here], column[here]]
@@ -91,18 +91,18 @@ def _cells(grid: Grid, x: Floats, y: Floats, side: Floats, data: Floats, good: M
     spreads = np.array([_spreads(one, grid.step_px, side) for one in sets])  # (S, 2, N)
     apart = spreads[:, np.where(SIDE_X == SIDE_Y, 0, 1)[:, 0]]
     place_x, place_y = np.array([(one.x_px, one.y_px) for one in sets]).T[:, :, None, None]
-    every = np.tile(np.arange(len(x)), 3)
+    scales, every = [_Scale.of(one, grid.step_px, side) for one in spreads], np.tile(np.arange(len(x)), 3)
     channels = []
     for c, centroid in enumerate(grid.centroids):
         kept, place = np.flatnonzero(good[c]), sets.index(centroid)
-        values, counts = _told(data[c], spreads[place], grid.step_px, side)
+        values, counts = _told(data[c], scales[place]), grid.samples[c] * scales[place].counts
         whole = len(kept) == len(x)
         channels.append(
             ChannelCells(
                 rows=every if whole else np.tile(kept, 3),
                 place=place,
                 value=(values if whole else values[:, kept]).ravel(),
-                count=grid.samples[c] * (counts if whole else counts[:, kept]).ravel(),
+                count=(counts if whole else counts[:, kept]).ravel(),
                 censored=censored[c, kept],
             )
         )
@@ -124,13 +124,31 @@ def _spreads(centroid: Centroid, step_px: int, side: Floats) -> tuple[Floats, Fl
     return np.sqrt(second + centroid.product_px2), np.sqrt(second - centroid.product_px2)
 
 
-def _told(data: Floats, spreads: Floats, step_px: int, side: Floats) -> tuple[Floats, Floats]:
-    """Means and slopes (3, N) as the nodes give them, and for how many of a quad's samples each of them stands."""
-    mean, along, across = data.astype(float)
-    both, lean = 0.5 * (spreads[0] + spreads[1]) / step_px, 0.5 * (spreads[0] - spreads[1]) / step_px
-    share = step_px**2 * (side**2 - 1.0) / 12.0 / np.mean(spreads**2, axis=0)
-    values = np.stack([mean, both * along + lean * across, both * across + lean * along])
-    return values, side**2 * np.stack([np.ones(len(side)), share, share])
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Scale:
+    """Of one set of nodes, what turns slopes from one pixel or quad to the next into those over the nodes (N,)."""
+
+    same: Floats  # along the same axis
+    other: Floats  # along the other one
+    counts: Floats  # (3, N), for how many samples of a channel with one a quad the mean and the slopes stand
+
+    @classmethod
+    def of(cls, spreads: Floats, step_px: int, side: Floats) -> _Scale:
+        share = step_px**2 * (side**2 - 1.0) / 12.0 / np.mean(spreads**2, axis=0)
+        return cls(
+            same=0.5 * (spreads[0] + spreads[1]) / step_px,
+            other=0.5 * (spreads[0] - spreads[1]) / step_px,
+            counts=side**2 * np.stack([np.ones(len(side)), share, share]),
+        )
+
+
+def _told(data: Floats, scale: _Scale) -> Floats:
+    """Means and slopes (3, N) as the nodes give them."""
+    values = np.empty(data.shape)
+    values[0], values[1:] = data[0], scale.same * data[1:]
+    if scale.other.any():
+        values[1:] += scale.other * data[:0:-1]
+    return values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,23 +176,19 @@ def _light_on(
     Of the `last` level, which is not divided any more, the width is not asked for.
     """
     seen, radius = surface(scene.camera, scene.sphere, x, y), scene.sphere.radius_px
-    n_dot_v = _dot(seen.normal, seen.view)
     width_rad = np.full(len(x), SMOOTH_RAD)
     lit = np.full(len(x), -1.0)
     for light, dark in zip(scene.lights, wary.dark, strict=True):
-        towards, _ = light.at(seen.normal)
-        n_dot_l = _dot(seen.normal, towards)
+        n_dot_l, n_dot_v, l_dot_v = dots(seen.normal, light.at(seen.normal)[0], seen.view)
         lit = np.maximum(lit, n_dot_l - dark)
         if not last:
-            both = np.sqrt(np.maximum(2.0 + 2.0 * _dot(towards, seen.view), 1e-12))
+            both = np.sqrt(np.maximum(2.0 + 2.0 * l_dot_v, 1e-12))
             theta = np.arccos(np.clip((n_dot_l + n_dot_v) / both, -1.0, 1.0))
             width_rad = np.minimum(width_rad, SHARPNESS * np.maximum(theta, finest_rad))
             width_rad = np.minimum(width_rad, TERMINATOR * np.maximum(np.abs(n_dot_l), TERMINATOR_RAD))
+    if last:
+        return lit, width_rad
     return lit, radius * np.maximum(n_dot_v, MIN_N_DOT_V) ** LIMB_POWER * width_rad
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
 
 
 def _place_sd_px(scene: Scene) -> float:

@@ -7,6 +7,7 @@ photographs that were cut to their sphere, no pass is made over flags at all.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,18 +57,19 @@ class Level:
 
     def told(self, row: Rows, column: Rows) -> Floats:
         """Of some blocks (3, 3, n): each channel's mean, and the slopes of its best plane along x and y, in steps."""
-        count = self.side // self.part
-        place = self.part * (np.arange(count) - (count - 1) / 2)
-        x, y = (of.ravel() for of in np.meshgrid(place, place))
-        height, width = (n // count for n in self.sums.shape[-2:])
-        parts = self.sums.reshape(-1, 3, height, count, width, count)[:, :, row, :, column]  # (n, moments, 3, y, x)
-        of_samples = parts[:, 0].reshape(len(row), 3, count**2)
-        result = (of_samples @ np.stack([np.ones(count**2), x, y], axis=1).astype(np.float32)).astype(float)
-        if len(self.sums) > 1:
-            result[..., 1:] += parts[:, 1:].sum(axis=(-2, -1)).swapaxes(1, 2)
+        width, count = self.sums.shape[-1], self.side // self.part
+        down, along = np.divmod(np.arange(count**2), count)
+        first = (row * width + column) * count
+        parts = self.sums.reshape(len(self.sums) * 3, -1).take(first[:, None] + down * width + along, axis=1)
+        if len(self.sums) > 1:  # moments of blocks: one part each
+            result = parts.reshape(3, 3, -1).swapaxes(0, 1).astype(float)
+        else:
+            middle = (count - 1) / 2
+            weight = np.stack([np.ones(count**2), along - middle, down - middle], axis=1).astype(np.float32)
+            result = (parts @ weight).swapaxes(1, 2).astype(float)
         result /= self.side**2
-        result[..., 1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
-        return result.transpose(1, 2, 0)
+        result[:, 1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
+        return np.asarray(result)
 
     def spoiled(self, row: Rows, column: Rows) -> Mask:
         """Whether blocks hold anything flagged or reach over the edge, per channel (3, n)."""
@@ -84,9 +86,9 @@ def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
     centre = corner + (step - 1) / 2
     samples, centroids = [], []
     for c in range(3):
-        mine = [plane for plane in planes if plane.channel == c]
+        mine = tuple(plane.origin_px for plane in planes if plane.channel == c)
         samples.append(len(mine))
-        centroids.append(_centroid(*(np.array([plane.origin_px for plane in mine]) - centre).T))
+        centroids.append(_centroid(mine, float(centre[0]), float(centre[1])))
     bad, clipped = _flags(planes, height, width, 2**levels)
     return Grid(
         value=_values(planes, height, width, 2**levels),
@@ -100,7 +102,10 @@ def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
     )
 
 
-def _centroid(x: Floats, y: Floats) -> Centroid:
+@lru_cache(maxsize=8)
+def _centroid(places_px: tuple[tuple[float, float], ...], x_px: float, y_px: float) -> Centroid:
+    """Of samples at these places about the centre x, y of their pixel or quad."""
+    x, y = (np.array(places_px) - (x_px, y_px)).T
     return Centroid(
         x_px=float(x.mean()),
         y_px=float(y.mean()),
