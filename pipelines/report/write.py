@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from toolkit.records import LinearImage, MaterialReport, ModelLayers
 
-from .folder import whole
+from .folder import sync, whole
 from .result import finite, result_object, result_text
 from .text import stem
 
@@ -68,22 +68,21 @@ def _writers(
     from .posterior import write_posterior
 
     layers = report.layers
-    writers: dict[str, Write] = {
-        ".json": lambda path: _text(path, result_text(result_object(report, settings, others)))
-    }
-    for number, own in enumerate(others, start=2):
-        writers[f".settings-{number}.toml"] = partial(_text_of, _settings_text, own)
+    writers: dict[str, Write] = {}  # what takes longest first, so that no core waits for the other
+    if layers is not None:
+        writers[".layers.exr"] = lambda path: write_layers(path, layers, report.image)
     for number, one in enumerate(report.photographs[1:], start=2):
         if one.layers is not None:
             writers[f".layers-{number}.exr"] = partial(_layers, one.layers, one.image)
-    if settings is not None:
-        writers[".settings.toml"] = lambda path: _text(path, _settings_text(settings))
-    if report.fits:
-        writers[".posterior.nc"] = lambda path: write_posterior(path, report)
-    if layers is not None:
-        writers[".layers.exr"] = lambda path: write_layers(path, layers, report.image)
     if page:
         writers[".html"] = lambda path: _page(path, report, settings)
+    if report.fits:
+        writers[".posterior.nc"] = lambda path: write_posterior(path, report)
+    writers[".json"] = lambda path: _text(path, result_text(result_object(report, settings, others)))
+    if settings is not None:
+        writers[".settings.toml"] = lambda path: _text(path, _settings_text(settings))
+    for number, own in enumerate(others, start=2):
+        writers[f".settings-{number}.toml"] = partial(_text_of, _settings_text, own)
     return writers | _export_writers(report, exports)
 
 
@@ -134,6 +133,7 @@ def _export_suffixes(exports: Sequence[str]) -> list[str]:
 def _timed(write: Write, path: Path) -> float:
     begin = time.perf_counter()
     write(path)
+    sync(path)  # the disk takes it while others are made
     return time.perf_counter() - begin
 
 
