@@ -114,8 +114,7 @@ def _follow(
     for turn in range(rounds):
         end, found, step = _tempered_optimum(_linearised(problem, here, shifts, total), here, blocks, step)
         looser = 1.0 if turn < PATIENCE else LOOSER
-        there = _shared(problem, here, end, shifts, total, 1.0)
-        moved = _moved(end)
+        moved, there = _moved(end), _posed(problem, here, end, shifts, total + _moved(end))
         if stands(found, end.problem.tempering, STANDS**looser) and _settled(end, there, shifts, looser):
             return end, total + moved
         here, share = _downhill(problem, here, end, there, shifts, total)
@@ -129,8 +128,8 @@ def _moved(end: Optimum) -> Floats:
     return end.x[len(end.problem.layout.names) :]
 
 
-def _settled(end: Optimum, there: Projection, shifts: Shifts, looser: float) -> bool:
-    """Whether a move is so short, or all so linear over it, that its end needs no second look."""
+def _settled(end: Optimum, there: Problem, shifts: Shifts, looser: float) -> bool:
+    """Whether a move is so short, or all so linear over it to the problem there, that its end needs no second look."""
     layout, moved = end.problem.layout, _moved(end)
     sd = np.sqrt(np.diag(inverse(end.joint))[len(layout.names) : layout.size])
     short = np.abs(moved) <= looser * np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)
@@ -175,27 +174,23 @@ def _tempered_optimum(linear: Problem, here: Projection, blocks: Blocks, step: f
     return end, found, step
 
 
-def _bend(end: Optimum, there: Projection) -> float:
+def _bend(end: Optimum, there: Problem) -> float:
     """How far off the linear prediction of a move is, in sds: by no more can it put an unknown wrong."""
-    predicted = there.problem.predict(there.columns, end.x[: there.problem.layout.size])
+    predicted = there.predict(there.columns(end.u), end.x[: there.layout.size])
     bent = zip(predicted, end.predicted, end.weights.weights, strict=True)
     return float(np.sqrt(sum(float(w.times(p - q) @ (p - q)) for p, q, w in bent)))
 
 
-def _shared(
-    problem: Problem, here: Projection, end: Optimum, shifts: Shifts, total: Floats, share: float
-) -> Projection:
-    """Where a share of the way leads, not linearised."""
-    moved = _moved(end)
-    views = _views(problem, shifts, total + share * moved)
-    posed = replace(here.problem, views=views, fresnel=end.problem.fresnel, tempering=end.problem.tempering)
-    return project(posed, here.u + share * (end.u - here.u), weigh(end.weights.weights, posed.extras))
+def _posed(problem: Problem, here: Projection, end: Optimum, shifts: Shifts, total: Floats) -> Problem:
+    """The problem in the scenes shifted by `total`, otherwise as at the end of a move."""
+    views = _views(problem, shifts, total)
+    return replace(here.problem, views=views, fresnel=end.problem.fresnel, tempering=end.problem.tempering)
 
 
 def _downhill(
-    problem: Problem, here: Projection, end: Optimum, there: Projection, shifts: Shifts, total: Floats
+    problem: Problem, here: Projection, end: Optimum, whole: Problem, shifts: Shifts, total: Floats
 ) -> tuple[Projection, float]:
-    """How much of a move to make: all, unless it is too long or the picture, not linearised, would be worse there."""
+    """How much of a move to make: the `whole`, unless it is too long or the picture, not linearised, would be worse there."""
     moved, prior = _moved(end), shifts.precision
 
     def chi2(at: Projection, values: Floats) -> float:
@@ -204,7 +199,8 @@ def _downhill(
     before = chi2(project(here.problem, here.u, weigh(end.weights.weights, here.problem.extras), here.columns), total)
     most = min(1.0, LONGEST_SD / float(np.max(np.abs(moved) / shifts.sd, initial=LONGEST_SD)))
     for share in (most * part for part in SHARES):
-        there = there if share == 1.0 else _shared(problem, here, end, shifts, total, share)
+        posed = whole if share == 1.0 else _posed(problem, here, end, shifts, total + share * moved)
+        there = project(posed, here.u + share * (end.u - here.u), weigh(end.weights.weights, posed.extras))
         if chi2(there, total + share * moved) < before:
             break
     return there, share

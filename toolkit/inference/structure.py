@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from toolkit.records import Floats
 
@@ -44,56 +44,58 @@ def structure_chances(optimum: Optimum) -> tuple[float, float]:
     for v, view in enumerate(optimum.problem.views):
         channels = left[3 * v : 3 * v + 3]
         smooth, waves = _patterns(view)
-        both = np.concatenate([smooth, waves])
-        plain += [one.of(smooth) for one in channels]
-        alike += [one.of(both) * one.predicted for one in channels]
-    return _chance(left, plain, optimum.joint, channels=1), _chance(left, alike, optimum.joint, channels=3)
+        plain += [(smooth, one) for one in channels]
+        alike.append((np.concatenate([smooth, waves]), _shared(channels)))
+    return _chance(plain, optimum.joint), _chance(alike, optimum.joint)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Left:
-    """What the fit leaves of one channel's n means, where their errors and those of their slopes are allowed for.
+    """What the fit leaves of the N cells' means, where their errors and those of their slopes are allowed for; nothing
+    where a cell holds none.
 
     A pattern over the cells shows in the means alone; what the slopes hold is not asked for.
     """
 
-    cells: NDArray[np.intp]  # (n,), which of the photograph's
-    predicted: Floats  # (n,)
-    weight: Floats  # (n,), of the means beside each other
-    residual: Floats  # (n,), weighted
-    design: Floats  # (p, n), the derivatives of the prediction in some unknowns, weighted
-    unknowns: NDArray[np.intp]  # (p,), which
-
-    def of(self, patterns: Floats) -> Floats:
-        """Patterns (K, N) at the channel's cells (K, n)."""
-        return patterns if len(self.cells) == patterns.shape[1] else patterns[:, self.cells]
+    predicted: Floats  # (N,)
+    weight: Floats  # (N,), of the means beside each other
+    residual: Floats  # (N,), weighted
+    design: Floats  # (P, N), the derivatives of the prediction in all unknowns, weighted
 
 
 def _left(optimum: Optimum, channel: int) -> _Left:
     data, weights = optimum.problem.channels[channel], optimum.weights.weights[channel]
+    view = optimum.problem.views[channel // 3]
     n, (unknowns, slopes) = data.cells, optimum.slopes(channel)
+    rows, whole = data.rows[:n], len(view.cells.x_px)
+    predicted, weight, residual = np.zeros((3, whole))
+    design = np.zeros((len(optimum.joint), whole))
+    predicted[rows] = optimum.predicted[channel][:n]
+    weight[rows] = weights.of_means
+    residual[rows] = weights.times(data.value - optimum.predicted[channel])[:n]
+    design[unknowns[:, None], rows] = weights.times(slopes)[:, :n]
+    return _Left(predicted=predicted, weight=weight, residual=residual, design=design)
+
+
+def _shared(channels: Sequence[_Left]) -> _Left:
+    """What is left of a photograph's channels together, of a pattern that is a share of the picture in each."""
     return _Left(
-        cells=data.rows[:n],
-        predicted=optimum.predicted[channel][:n],
-        weight=weights.of_means,
-        residual=weights.times(data.value - optimum.predicted[channel])[:n],
-        design=weights.times(slopes)[:, :n],
-        unknowns=unknowns,
+        predicted=np.ones(len(channels[0].predicted)),
+        weight=np.sum([one.weight * one.predicted**2 for one in channels], axis=0),
+        residual=np.sum([one.residual * one.predicted for one in channels], axis=0),
+        design=np.sum([one.design * one.predicted for one in channels], axis=0),
     )
 
 
-def _chance(left: Sequence[_Left], patterns: Sequence[Floats], joint: Floats, *, channels: int) -> float:
-    """Of a score statistic as large as that of patterns (K, n) of each channel; each group of `channels` its own."""
+def _chance(asked: Sequence[tuple[Floats, _Left]], joint: Floats) -> float:
+    """Of a score statistic as large as that of patterns (K, N), each in what is left of its own."""
     from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
 
-    ends = np.cumsum([0, *(len(pattern) for pattern in patterns[::channels])])
-    score, kept, across = np.zeros(ends[-1]), np.zeros((ends[-1], ends[-1])), np.zeros((len(joint), ends[-1]))
-    for c, (channel, pattern) in enumerate(zip(left, patterns, strict=True)):
-        mine = slice(ends[c // channels], ends[c // channels + 1])
-        score[mine] += pattern @ channel.residual
-        kept[mine, mine] += (pattern * channel.weight) @ pattern.T
-        across[channel.unknowns, mine] += channel.design @ pattern.T
-    rest = kept - across.T @ np.linalg.solve(joint, across)
+    score = np.concatenate([patterns @ left.residual for patterns, left in asked])
+    across = np.concatenate([patterns @ left.design.T for patterns, left in asked])
+    weighed = [patterns * np.sqrt(left.weight) for patterns, left in asked]
+    kept = block_diag(*(each @ each.T for each in weighed))
+    rest = kept - across @ np.linalg.solve(joint, across.T)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(kept), 1e-300))
     values, vectors = np.linalg.eigh(rest * scale[:, None] * scale)
     whole = values > SMALLEST
