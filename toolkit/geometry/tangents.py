@@ -9,7 +9,9 @@ from toolkit.records import Floats
 
 def tangents(direction: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors that span the plane across a direction."""
-    helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    across = np.cross(helper, direction)
-    across /= np.linalg.norm(across)
-    return across, np.cross(direction, across)
+    x, y, z = direction
+    across = np.array([z, 0.0, -x] if abs(y) < 0.9 else [0.0, -z, y])  # the y or the x axis x direction
+    across /= np.sqrt(across @ across)
+    return across, np.array(
+        [y * across[2] - z * across[1], z * across[0] - x * across[2], x * across[1] - y * across[0]]
+    )

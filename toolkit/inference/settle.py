@@ -190,7 +190,7 @@ def _posed(problem: Problem, here: Projection, end: Optimum, shifts: Shifts, tot
 def _downhill(
     problem: Problem, here: Projection, end: Optimum, whole: Problem, shifts: Shifts, total: Floats
 ) -> tuple[Projection, float]:
-    """How much of a move to make: the `whole`, unless it is too long or the picture, not linearised, would be worse there."""
+    """How much of a move to make: the `whole`, unless it is too long or its picture, not linearised, would be worse."""
     moved, prior = _moved(end), shifts.precision
 
     def chi2(at: Projection, values: Floats) -> float:

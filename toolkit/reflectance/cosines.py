@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Cosines:
     def of(cls, normal: Floats, light: Floats, view: Floats, *, source_radius_rad: float = 0.0) -> Cosines:
         """From unit vectors (..., 3) that broadcast against each other."""
         whole = np.broadcast_shapes(normal.shape, light.shape, view.shape)[:-1]
-        vectors = [_parts(vector) for vector in (normal, light, view)]
+        vectors = [parts_of(vector) for vector in (normal, light, view)]
         found = blockwise(lambda piece: _cosines(*([piece(part) for part in parts] for parts in vectors)), whole)
         n_l, n_v, l_v, n_h, l_h, sin2_h, r_v = (np.broadcast_to(part, whole) for part in found)
         return cls(
@@ -98,13 +99,13 @@ def once(values: Floats) -> Floats:
 
 def dots(normal: Floats, light: Floats, view: Floats) -> tuple[Floats, Floats, Floats]:
     """n.l, n.v and l.v of unit vectors (..., 3), not clipped; of vectors that are repeated everywhere once only."""
-    n, to_light, to_view = (_parts(vectors) for vectors in (normal, light, view))
-    return _dot(n, to_light), _dot(n, to_view), _dot(to_light, to_view)
+    n, to_light, to_view = (parts_of(vectors) for vectors in (normal, light, view))
+    return dot(n, to_light), dot(n, to_view), dot(to_light, to_view)
 
 
 def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats]) -> tuple[Floats, ...]:
     """In the order of the fields, from components x, y, z."""
-    n_l, n_v, l_v = _dot(n, light), _dot(n, view), _dot(light, view)
+    n_l, n_v, l_v = dot(n, light), dot(n, view), dot(light, view)
     both = [a + b for a, b in zip(light, view, strict=True)]  # 2 cos(theta_d) h
     length2 = np.maximum(_sum_of_squares(*both), 1e-24)
     length = np.sqrt(length2)
@@ -115,12 +116,12 @@ def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats
     return lit, seen, l_v, (n_l + n_v) / length, 0.5 * length, across / length2, 2 * n_l * n_v - l_v
 
 
-def _dot(p: Sequence[Floats], q: Sequence[Floats]) -> Floats:
-    """Scalar product from components."""
+def dot(p: Sequence[Any], q: Sequence[Any]) -> Floats:
+    """Scalar product from components, arrays or numbers."""
     return np.asarray(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
 
 
-def _parts(vectors: Floats) -> tuple[Floats, Floats, Floats]:
+def parts_of(vectors: Floats) -> tuple[Floats, Floats, Floats]:
     """Components; of one vector that is repeated everywhere, as of a far light, once only."""
     if not any(vectors.strides[:-1]):
         vectors = vectors[(slice(1),) * (vectors.ndim - 1)]
