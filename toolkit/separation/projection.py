@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from toolkit.records import Floats, readonly
 
 from .samples import Mask, Samples
 
+THREADS = 2  # numpy lets go of the interpreter; the numbers are the same with one
 CHUNK = 8192  # pixels at a time: their temporary arrays, in float64, stay in the processor's cache
 
 
@@ -56,7 +58,8 @@ def project(
     diffuse, specular, covariance = np.empty((3, 3, count), np.float32)
     residual = np.empty(count, np.float32)
     even = not each and float(body @ light) < 1 - 1e-12
-    for start in range(0, count, CHUNK):
+
+    def project_part(start: int) -> None:
         part = slice(start, start + CHUNK)
         noise = variance[:, part] if each else variance
         solve = _alike if even and _all_or_none(usable[:, part]) else _each
@@ -66,6 +69,9 @@ def project(
             np.multiply(a, body[c], out=diffuse[c, part], casting="same_kind")
             np.multiply(s, light[c], out=specular[c, part], casting="same_kind")
             covariance[c, part] = spread[c] + a2 * shared[0, c] + s2 * shared[1, c]
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        list(pool.map(project_part, range(0, count, CHUNK)))
     return Layers(
         diffuse=np.moveaxis(diffuse.reshape(3, *shape), 0, -1),
         specular=np.moveaxis(specular.reshape(3, *shape), 0, -1),

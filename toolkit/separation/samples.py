@@ -143,11 +143,12 @@ def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
 
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
     """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
-    found = np.empty((3, *values.shape[:2]), values.dtype)
+    found, before = np.empty((3, *values.shape[:2]), values.dtype), None
     for c in range(3):
         usable = np.ascontiguousarray(good[..., c])
-        total = _box(np.where(usable, values[..., c], values.dtype.type(0)), radius)
-        np.divide(total, np.maximum(_box(usable.astype(values.dtype), radius), 1.0), out=found[c])
+        if before is None or not np.array_equal(usable, before):
+            before, count = usable, np.maximum(_box(usable.astype(values.dtype), radius), 1.0)
+        np.divide(_box(np.where(usable, values[..., c], values.dtype.type(0)), radius), count, out=found[c])
     return np.moveaxis(found, 0, -1)
 
 
