@@ -38,10 +38,9 @@ def fit_models(
     """One fit to all photographs for every specular and diffuse lobe asked for.
 
     Raises BadInputError where too little of one is lit. Without a diffuse lobe asked for, every model is fitted over
-    Lambert, then the best of them over OTHER_BODIES. `processes` work side by side, one a core where None.
+    Lambert, then the best of them over OTHER_BODIES. `processes` work side by side, one a core where None: libraries
+    should have one thread each.
     """
-    from threadpoolctl import threadpool_limits
-
     views = [View.of(scene, usable_cells(image, scene), image.noise) for image, scene in photographs]
 
     def fit(pair: Pair) -> Fit:
@@ -58,8 +57,7 @@ def fit_models(
     wanted = [(model, body) for body in settings.fit.diffuse or ("lambert",) for model in settings.fit.models]
     others = () if settings.fit.diffuse else OTHER_BODIES
     tell = _teller(progress, len(wanted) + len(others))
-    # one thread for each of the small products: faster, and the same sums on every machine
-    with threadpool_limits(1), _workers(fit, processes, most=max(len(wanted), len(others))) as each_of:
+    with _workers(fit, processes, most=max(len(wanted), len(others))) as each_of:
         fits: dict[Pair, Fit] = {}
         guess, ahead = "", iter(list[Ended]())
         for pair, found in each_of(wanted):

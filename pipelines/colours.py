@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import Quads, at_one_place
 from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, ModelLayers, Reference, Scene, Sphere
@@ -49,7 +49,7 @@ def separate_colours(
     seen: dict[str, Any] = {
         "variance": image.noise,
         "usable": usable_samples(image),
-        "bloom": (picture.flags & SampleFlag.BLOOM) > 0,
+        "bloom": flagged(picture.flags, SampleFlag.BLOOM),
         "on_sphere": on_sphere(scene.camera, _inside(scene.sphere, image), x0 + step * column, y0 + step * row),
     }
     try:

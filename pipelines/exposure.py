@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.sphere import on_sphere, sight_offset
 from toolkit.records import Floats, LinearImage, Plane, Scene
 
@@ -40,7 +40,7 @@ def exposure_explains(whole: LinearImage) -> Iterator[None]:
     except BadInputError as error:
         if not str(error).startswith("no sphere found"):
             raise  # one was seen and says itself what is wrong with it
-        clipped = [plane.flags & SampleFlag.CLIPPED for plane in whole.planes]
+        clipped = [flagged(plane.flags, SampleFlag.CLIPPED) for plane in whole.planes]
         blown = sum(map(np.count_nonzero, clipped)) / sum(flags.size for flags in clipped)
         brightest = float(np.percentile(_blocks(whole, BLOCK).values.max(axis=2), 99.9))
         if blown > BLOWN_SHARE:

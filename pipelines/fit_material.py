@@ -54,25 +54,26 @@ def fit_jointly(
     from .quality import quality_flags
     from .srgb import colour_of
 
-    with clock.stage("fit"):
-        fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
-        best, preferred, lead = rank(fits)
-    seen = []
-    for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
-        mine = of_photograph(fits[best], v)
-        # numpy lets go of the interpreter: the two pictures take two cores, and products are too small for threads
-        with threadpool_limits(1), ThreadPoolExecutor(1) as beside:
-            drawn = beside.submit(layers_of_fit, one.image, picture, mine)
-            with clock.stage("separate"):
-                separation = separate_colours(
-                    one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
-                )
-                colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
-        with clock.stage("layers"):
-            layers = drawn.result()
-            agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
-            full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
-        seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))
+    # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
+    with threadpool_limits(1):
+        with clock.stage("fit"):
+            fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
+            best, preferred, lead = rank(fits)
+        seen = []
+        for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
+            mine = of_photograph(fits[best], v)
+            with ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: two pictures, two cores
+                drawn = beside.submit(layers_of_fit, one.image, picture, mine)
+                with clock.stage("separate"):
+                    separation = separate_colours(
+                        one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
+                    )
+                    colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+                with clock.stage("layers"):
+                    layers = drawn.result()
+                    agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
+                    full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
+            seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
         scene=seen[0].scene,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import Flag, SampleFlag
+from toolkit.flags import Flag, SampleFlag, flagged
 from toolkit.geometry.sphere import surface
 from toolkit.records import Fit, Floats, LinearImage, Photograph, Plane, Scene
 
@@ -42,7 +42,7 @@ def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:
     """Share of clipped samples over the sphere and over the highlight's core; NaN where no core is in view."""
     core, core_clipped, sphere_clipped, samples = 0, 0, 0, 0.0
     for plane in image.planes:
-        clipped = np.flatnonzero(plane.flags & SampleFlag.CLIPPED)
+        clipped = np.flatnonzero(flagged(plane.flags, SampleFlag.CLIPPED))
         row, column = np.unravel_index(clipped, plane.flags.shape)
         on_sphere, in_core = _where(scene, *_places(plane, row, column))
         sphere_clipped += int(on_sphere.sum())
@@ -57,7 +57,7 @@ def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:
 def glares(image: LinearImage) -> bool:
     """Whether glare brightens samples in number, beside those that clip."""
     glare, clipped = (
-        sum(np.count_nonzero(plane.flags & kind) for plane in image.planes)
+        sum(np.count_nonzero(flagged(plane.flags, kind)) for plane in image.planes)
         for kind in (SampleFlag.GLARE, SampleFlag.CLIPPED)
     )
     return bool(glare > GLARE_SHARE * clipped)

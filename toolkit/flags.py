@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 from enum import IntFlag, StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class SampleFlag(IntFlag):
@@ -12,6 +17,13 @@ class SampleFlag(IntFlag):
     BLOOM = 2  # beside a clipped sample: charge or lens flare may have spilled over
     INVALID = 4  # not finite, or not decoded
     GLARE = 8  # brightened by rays that the camera draws out of a clipped highlight
+
+
+def flagged(flags: NDArray[np.uint8], kinds: SampleFlag) -> NDArray[np.bool_]:
+    """Which samples bear one of these kinds of flag; compared in bytes, which an IntFlag would widen to eight each."""
+    from numpy import asarray, uint8  # the command line's help knows flags, too, and waits for no library
+
+    return asarray((flags & uint8(kinds)) != 0)
 
 
 class Flag(StrEnum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.sphere import on_sphere
 from toolkit.radiometry.quads import quads
 from toolkit.records import Floats, LinearImage, Plane, Scene
@@ -53,8 +53,8 @@ def _values(image: LinearImage, scene: Scene | None, channel: int) -> tuple[Floa
     """All samples of a channel on the ball, or in the frame, and which of them clip."""
     found = [_of_plane(plane, scene) for plane in image.planes if plane.channel == channel]
     values, flags = (np.concatenate(part) for part in zip(*found, strict=True))
-    good = (flags & SampleFlag.INVALID) == 0
-    return values[good], (flags[good] & SampleFlag.CLIPPED) > 0
+    good = ~flagged(flags, SampleFlag.INVALID)
+    return values[good], flagged(flags[good], SampleFlag.CLIPPED)
 
 
 def _of_plane(plane: Plane, scene: Scene | None) -> tuple[Floats, NDArray[np.uint8]]:
@@ -74,7 +74,7 @@ def _peak(image: LinearImage, scene: Scene | None) -> Floats:
     import cv2
 
     picture = quads(image)
-    values = np.where((picture.flags & SampleFlag.INVALID)[..., None] > 0, np.float32(0.0), picture.values)
+    values = np.where(flagged(picture.flags, SampleFlag.INVALID)[..., None], np.float32(0.0), picture.values)
     ring = np.ones((3, 3), np.uint8)
     ring[1, 1] = 0
     beside = cv2.dilate(values, ring)

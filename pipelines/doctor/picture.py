@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipelines.report.figures.shrink import shrunk
 from pipelines.report.figures.tone import BRIGHT_BODY, Tone
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.project import limb_px
 from toolkit.radiometry.colour import camera_colour
 from toolkit.radiometry.quads import Quads
@@ -72,7 +72,7 @@ def _marked(flags: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
     """Per block of `factor` x `factor` pixels CLIPPED where it holds a clipped sample, else GLARE where such a one."""
 
     def holds(kind: SampleFlag) -> NDArray[np.bool_]:
-        return np.asarray(shrunk(((flags & kind) > 0).astype(np.float32), factor) > 0.0)
+        return np.asarray(shrunk(flagged(flags, kind).astype(np.float32), factor) > 0.0)
 
     marked = holds(SampleFlag.GLARE) * np.uint8(SampleFlag.GLARE)
     return np.where(holds(SampleFlag.CLIPPED), np.uint8(SampleFlag.CLIPPED), marked)

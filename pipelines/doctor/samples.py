@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.sphere import surface
 from toolkit.radiometry.quads import Quads, quads
 from toolkit.records import Floats, LinearImage, Scene, readonly
@@ -48,14 +48,14 @@ def ball_of(image: LinearImage, scene: Scene) -> Ball:
     seen = surface(scene.camera, scene.sphere, x, y)
     flags = picture.flags.ravel()
     on = seen.on_sphere & (np.einsum("ni,ni->n", seen.normal, seen.view) > FACING)
-    on &= (flags & SampleFlag.INVALID) == 0
+    on &= ~flagged(flags, SampleFlag.INVALID)
     light = np.asarray(scene.lights[0].direction) if scene.lights else np.zeros(3)
     return Ball(
         x=x[on],
         y=y[on],
         normal=seen.normal[on],
         value=picture.values.reshape(-1, 3)[on].astype(float),
-        clipped=(flags[on] & SampleFlag.CLIPPED) > 0,
+        clipped=flagged(flags[on], SampleFlag.CLIPPED),
         cosine=np.maximum(seen.normal[on] @ light, 0.0),
         step_px=float(picture.step_px),
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from toolkit.errors import UsageError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.radiometry.linearise import linearise
 from toolkit.radiometry.quads import quads
 from toolkit.records import Noise, RawFrame
@@ -228,3 +228,10 @@ def test_an_rgb_image_is_its_own_picture():
     picture = quads(linearise(colours(stored, np.inf, kind="exr"), noise=NOISE))
     assert np.array_equal(picture.values, stored)
     assert picture.step_px == 1
+
+
+def test_flags_are_told_apart() -> None:
+    """Of the kinds asked for at least one."""
+    flags = np.array([0, SampleFlag.CLIPPED, SampleFlag.BLOOM, SampleFlag.BLOOM | SampleFlag.INVALID], np.uint8)
+    assert flagged(flags, SampleFlag.BLOOM).tolist() == [False, False, True, True]
+    assert flagged(flags, SampleFlag.CLIPPED | SampleFlag.INVALID).tolist() == [False, True, False, True]

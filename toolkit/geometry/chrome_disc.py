@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Camera, Floats, LinearImage, Sphere, readonly
 
 from .chrome_spot import Spot
@@ -146,11 +146,11 @@ def _samples(image: LinearImage, corner: tuple[int, int], side: int) -> dict[str
         row, column = np.mgrid[: plane.values.shape[0], : plane.values.shape[1]]
         x = (plane.origin_px[0] + plane.step_px * column - corner[0]).astype(int)
         y = (plane.origin_px[1] + plane.step_px * row - corner[1]).astype(int)
-        use = (x >= 0) & (y >= 0) & (x < side) & (y < side) & ((plane.flags & SampleFlag.INVALID) == 0)
+        use = (x >= 0) & (y >= 0) & (x < side) & (y < side) & ~flagged(plane.flags, SampleFlag.INVALID)
         flags, values = plane.flags[use], plane.values[use].astype(float)
-        least = ((flags & SampleFlag.CLIPPED) > 0) & (values > 0.0)
+        least = flagged(flags, SampleFlag.CLIPPED) & (values > 0.0)
         channel = np.full(len(values), plane.channel)
-        found.append((channel, (y * side + x)[use], values, least, (flags & SampleFlag.BLOOM) > 0))
+        found.append((channel, (y * side + x)[use], values, least, flagged(flags, SampleFlag.BLOOM)))
     names = ("channel", "pixel", "value", "least", "bloom")
     return dict(zip(names, map(np.concatenate, zip(*found, strict=True)), strict=True))
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Camera, Floats, LinearImage, Sphere
 
 from .sphere import surface
@@ -64,8 +64,8 @@ def _together(image: LinearImage) -> tuple[Floats, NDArray[np.bool_], tuple[Floa
     flags = np.bitwise_or.reduce([plane.flags[:height, :width] for plane in image.planes])
     origin, step = np.mean([plane.origin_px for plane in image.planes], axis=0), image.planes[0].step_px
     row, column = np.mgrid[:height, :width]
-    values = np.where(flags & SampleFlag.INVALID, 0.0, values)
-    return values, (flags & SampleFlag.CLIPPED) > 0, (origin[0] + step * column, origin[1] + step * row), step
+    values = np.where(flagged(flags, SampleFlag.INVALID), 0.0, values)
+    return values, flagged(flags, SampleFlag.CLIPPED), (origin[0] + step * column, origin[1] + step * row), step
 
 
 def _check_clipping(clipped: NDArray[np.bool_], inside: NDArray[np.bool_]) -> None:

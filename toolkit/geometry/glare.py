@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Floats, Light, LinearImage, Noise, Plane, Scene
 
 from .project import mirror_place, project
@@ -84,7 +84,8 @@ def _cores(image: LinearImage, scene: Scene) -> Iterator[_Core]:
 
 
 def _clipped_normals(plane: Plane, scene: Scene) -> Floats:
-    row, column = np.nonzero((plane.flags & SampleFlag.CLIPPED) > 0)
+    clipped = np.flatnonzero(flagged(plane.flags, SampleFlag.CLIPPED))
+    row, column = np.unravel_index(clipped, plane.flags.shape)
     seen = _seen(plane, scene, row, column)
     return np.asarray(seen.normal[seen.on_sphere])
 
@@ -122,7 +123,7 @@ def _glare(plane: Plane, noise: Noise, scene: Scene, core: _Core) -> Mask:
     seen, excess = _seen(plane, scene, row, column), np.zeros(plane.flags.shape)
     angle, towards = _angles(seen.normal, core.middle[None])[:, 0], core.light.at(seen.normal)[0]
     use = seen.on_sphere & (angle < core.reach_rad) & (plane.values.ravel() > 0.0)
-    use &= (plane.flags.ravel() & (SampleFlag.CLIPPED | SampleFlag.INVALID)) == 0
+    use &= ~flagged(plane.flags.ravel(), SampleFlag.CLIPPED | SampleFlag.INVALID)
     for direction in (towards, seen.view):
         use &= np.einsum("ni,ni->n", seen.normal, direction) > LEAST_COSINE
     if np.count_nonzero(use) >= FEWEST:
@@ -134,7 +135,7 @@ def _glare(plane: Plane, noise: Noise, scene: Scene, core: _Core) -> Mask:
         allowed = np.maximum(allowed, SCATTERS * _scatter(angle[use], value / smooth - 1.0) * smooth)
         steep = np.maximum(lobe(np.maximum(angle[use] - aside, 1e-9), around), smooth)
         excess.ravel()[use] = np.where(value - smooth > allowed, value / steep - 1.0, 0.0)
-    return _reaching(excess, (plane.flags & SampleFlag.CLIPPED) > 0)
+    return _reaching(excess, flagged(plane.flags, SampleFlag.CLIPPED))
 
 
 def _scatter(angle: Floats, deviation: Floats) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Camera, Floats, Sphere
 
 from .sphere import Surface, surface
@@ -96,7 +96,7 @@ def _places(
     x, y = origin_px[0] + step_px * column, origin_px[1] + step_px * row
     near = np.hypot(x - sphere.centre_px[0], y - sphere.centre_px[1]) < 1.2 * sphere.radius_px
     if flags is not None:
-        near &= (flags.ravel() & SampleFlag.INVALID) == 0
+        near &= ~flagged(flags.ravel(), SampleFlag.INVALID)
     index = np.flatnonzero(near)
     brightness = picture.reshape(-1, picture.shape[2]).mean(axis=1)
     spread = index[:: max(len(index) // PLACES, 1)]

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Floats, Plane
 
 MOMENTS_FROM = 8  # pixels or quads on a side of the smallest blocks whose moments are worked out all over the image
@@ -138,8 +138,8 @@ def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tu
     for plane in planes:
         flags, here = plane.flags[:height, :width], (plane.channel, slice(height), slice(width))
         bad[here] |= flags != 0
-        clipped[here] |= (flags & SampleFlag.CLIPPED) > 0
-        invalid[here] |= (flags & SampleFlag.INVALID) > 0
+        clipped[here] |= flagged(flags, SampleFlag.CLIPPED)
+        invalid[here] |= flagged(flags, SampleFlag.INVALID)
     return bad, clipped & ~invalid
 
 

@@ -51,10 +51,17 @@ def mosaic_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
     """Flags (H, W) of a mosaic: clipped by the (2, 2) `level`, bloom 3 x 3 in the pixels and 3 x 3 in each plane."""
     clipped = np.empty(stored.shape, bool)
     for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        np.greater_equal(stored[row::2, column::2], level[row, column], out=clipped[row::2, column::2])
+        clipped[row::2, column::2] = _from(stored[row::2, column::2], level[row, column])
     if not clipped.any():
         return np.zeros(stored.shape, np.uint8)
     return _with_bloom(clipped, _spread(clipped, 1) | _spread(clipped, 2))
+
+
+def _from(stored: NDArray[Any], level: float) -> NDArray[np.bool_] | bool:
+    """Which stored numbers are at least a level, whole ones compared as such: in a quarter of the bytes."""
+    if stored.dtype.kind == "f":
+        return np.asarray(stored >= level)
+    return np.asarray(stored >= stored.dtype.type(np.ceil(level))) if level <= np.iinfo(stored.dtype).max else False
 
 
 def colour_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.flags import SampleFlag
+from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Floats, LinearImage, Plane, readonly
 
 
@@ -35,7 +35,7 @@ def _binned(image: LinearImage, plane: Plane, box_px: tuple[float, float, float,
     x0, x1 = (int(np.clip((v - ox) / step, 0, width)) for v in (box_px[0], box_px[2] + 1))
     y0, y1 = (int(np.clip((v - oy) / step, 0, height)) for v in (box_px[1], box_px[3] + 1))
     values = np.asarray(plane.values[y0:y1, x0:x1], np.float32)
-    bad = (plane.flags[y0:y1, x0:x1] & (SampleFlag.CLIPPED | SampleFlag.INVALID)) != 0
+    bad = flagged(plane.flags[y0:y1, x0:x1], SampleFlag.CLIPPED | SampleFlag.INVALID)
     if bad.any():
         values = values.copy()
         values[bad] = np.nan
