@@ -59,19 +59,20 @@ def project(
     residual = np.empty(count, np.float32)
     even = not each and float(body @ light) < 1 - 1e-12
 
-    def project_part(start: int) -> None:
-        part = slice(start, start + CHUNK)
-        noise = variance[:, part] if each else variance
-        solve = _alike if even and _all_or_none(usable[:, part]) else _each
-        a, s, spread, residual[part] = solve(values[:, part], usable[:, part], noise, body, light)
-        a2, s2 = a * a, s * s
-        for c in range(3):
-            np.multiply(a, body[c], out=diffuse[c, part], casting="same_kind")
-            np.multiply(s, light[c], out=specular[c, part], casting="same_kind")
-            covariance[c, part] = spread[c] + a2 * shared[0, c] + s2 * shared[1, c]
+    def some(starts: range) -> None:
+        for start in starts:
+            part = slice(start, start + CHUNK)
+            noise = variance[:, part] if each else variance
+            solve = _alike if even and _all_or_none(usable[:, part]) else _each
+            a, s, spread, residual[part] = solve(values[:, part], usable[:, part], noise, body, light)
+            a2, s2 = a * a, s * s
+            for c in range(3):
+                np.multiply(a, body[c], out=diffuse[c, part], casting="same_kind")
+                np.multiply(s, light[c], out=specular[c, part], casting="same_kind")
+                covariance[c, part] = spread[c] + a2 * shared[0, c] + s2 * shared[1, c]
 
     with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(project_part, range(0, count, CHUNK)))
+        list(pool.map(some, (range(first * CHUNK, count, THREADS * CHUNK) for first in range(THREADS))))
     return Layers(
         diffuse=np.moveaxis(diffuse.reshape(3, *shape), 0, -1),
         specular=np.moveaxis(specular.reshape(3, *shape), 0, -1),
