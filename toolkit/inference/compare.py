@@ -22,11 +22,11 @@ LEAST_LEAD = 4.0  # nats: a smaller lead decides nothing, its own sd is not to b
 
 def elpd_blocks(optimum: Optimum, blocks: Blocks) -> Floats:
     """Log predictive density of each block's cell means given all other blocks (B,)."""
-    parts = zip(blocks.information, blocks.score, blocks.density, strict=True)
-    return np.array([_without(optimum.joint, *part) for part in parts])
+    parts, covariance = zip(blocks.information, blocks.score, blocks.density, strict=True), inverse(optimum.joint)
+    return np.array([_without(optimum.joint, covariance, *part) for part in parts])
 
 
-def _without(joint: Floats, information: Floats, score: Floats, plain: float) -> float:
+def _without(joint: Floats, of_all: Floats, information: Floats, score: Floats, plain: float) -> float:
     """Predictive density of a block from a posterior that never saw it, by Woodbury's identity."""
     if not information.any():
         return 0.0
@@ -34,7 +34,7 @@ def _without(joint: Floats, information: Floats, score: Floats, plain: float) ->
     shift = -covariance @ score
     moved = score - information @ shift
     quadratic = -2 * float(shift @ score) + float(shift @ information @ shift)
-    quadratic -= float(moved @ inverse(joint) @ moved)
+    quadratic -= float(moved @ of_all @ moved)
     _, spread = np.linalg.slogdet(np.eye(len(joint)) + covariance @ information)
     return plain - 0.5 * quadratic - 0.5 * float(spread)
 

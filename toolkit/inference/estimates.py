@@ -103,9 +103,12 @@ def unit_of(optimum: Optimum, name: str) -> str:
     return "relative" if relative else "1"
 
 
-def estimates_of(optimum: Optimum, draws: Draws, statistical: Mapping[str, Floats]) -> tuple[Estimate, ...]:
-    """Every parameter with posterior mean, mode, sds and equal-tailed intervals; `statistical` sds where there are."""
-    by_name = posterior_draws(optimum, draws)
+def estimates_of(
+    optimum: Optimum, by_name: Mapping[str, Floats], statistical: Mapping[str, Floats]
+) -> tuple[Estimate, ...]:
+    """Every parameter with mean, mode, sds and equal-tailed intervals of its posterior draws `by_name`; `statistical`
+    sds where there are.
+    """
     mode = named_draws(optimum, optimum.u[None], optimum.x[None])
     prior, bound = _prior_sds(optimum), _on_bound(optimum)
     result = [

@@ -77,7 +77,8 @@ def infer_views(
     stretch = stretch_of(optimum, scores) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(by_noise)
-    estimates = estimates_of(optimum, draws, statistical_sds(by_noise))
+    drawn = posterior_draws(optimum, draws)
+    estimates = estimates_of(optimum, drawn, statistical_sds(by_noise))
     elpd = elpd_blocks(by_noise, blocks)
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}
     seen = [shifted(scene, shifts, total, v) for v, scene in enumerate(scenes)]
@@ -103,7 +104,7 @@ def infer_views(
         tempering=optimum.problem.tempering,
         parameters=estimates,
         diagnostics=draws.diagnostics,
-        draws=_by_chain(posterior_draws(optimum, draws)),
+        draws=_by_chain(drawn),
         scene=seen[0],
         others=tuple(seen[1:]),
         nuisances=_shift_table(optimum, shifts, total, stretch),
