@@ -31,6 +31,8 @@ from toolkit.records import Fit, Floats, MaterialReport, ModelLayers, Scene
 GROUPS = [range(first, 48, 6) for first in range(6)]  # of the 48 lights, each all over the field
 NEAR_RAD = np.radians(15.0)  # of the highlight's middle: within is its energy, beyond is the body's albedo
 LEAST_N_DOT_L, LEAST_N_DOT_V = 0.1, 0.25
+IRRADIANCE_SD = 0.05  # relative, of the calibrated intensities
+RETURNED_SD = 0.02  # of a light, by table and walls
 MOST = 0.15  # asked of each photograph's energy
 GRID = 180  # side of the common map, pixels: more than the ball's box
 
@@ -43,6 +45,8 @@ def settings_under(index: int) -> Settings:
         "direction": np.loadtxt(place / "light_directions.txt")[index].tolist(),
         "direction_sd_deg": 1.0,
         "irradiance": np.loadtxt(place / "light_intensities.txt")[index].tolist(),
+        "irradiance_sd": IRRADIANCE_SD,
+        "returned_sd": RETURNED_SD,
     }
     return settings_of(index, light=[light], fit={"models": ["gtr"], "diffuse": ["wolff"], "ess": 500})
 

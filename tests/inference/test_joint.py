@@ -105,3 +105,26 @@ def test_each_photograph_keeps_its_own_numbers() -> None:
         )  # of the reds in their quads
         there = predict(of_photograph(found, v), x, y).model[:, 0]
         assert data.means @ there / (there @ there) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_an_irradiance_known_with_an_error_is_found_beside_the_others() -> None:
+    """One of two told 6 % too high: known to 5 %, their ratio is found to 0.5 %; stated exact, the albedo is wrong."""
+
+    def told(sd: float | None) -> Fit:
+        pair = views(20.0, 70.0, seed=4, known=True)
+        bright = tuple(1.06 * value for value in pair[0].scene.lights[0].irradiance or ())
+        changes = ({"irradiance": bright, "irradiance_sd": sd}, {"irradiance_sd": sd})
+        for i, (view, change) in enumerate(zip(pair, changes, strict=True)):
+            light = view.scene.lights[0].model_copy(update=change)  # type: ignore[attr-defined]  # every kind is a pydantic model
+            pair[i] = view.moved(replace(view.scene, lights=(light,)))
+        return joint(pair, EXACT)
+
+    found, bent = told(0.05), told(None)
+    for colour in ("red", "green", "blue"):
+        first, second = (found.nuisances[name + f"scale_{colour}"][0] for name in ("", "photograph2."))
+        assert second - first == pytest.approx(np.log(1.06), abs=0.005)
+    albedo = estimate(found, "diffuse_albedo")
+    assert np.all(np.asarray(albedo.sd) / np.asarray(albedo.estimate) == pytest.approx(0.05 / np.sqrt(2), rel=0.2))
+    assert np.all(np.abs(np.asarray(albedo.estimate) - BODY) < 2.0 * np.asarray(albedo.sd))
+    wrong = estimate(bent, "diffuse_albedo")
+    assert np.all(np.abs(np.asarray(wrong.estimate) - BODY) > 4.0 * np.asarray(wrong.sd))

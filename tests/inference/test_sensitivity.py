@@ -30,6 +30,10 @@ def _wide_and_blurred(scene: Scene) -> Scene:
     return replace(scene, lights=(wide,), camera=replace(scene.camera, blur_px2=0.5))
 
 
+def _lit_from_around(scene: Scene) -> Scene:
+    return replace(scene, lights=(scene.lights[0].model_copy(update={"returned_sd": 0.05}),))
+
+
 def _near_and_far(scene: Scene) -> Scene:
     """Two lamps, one five radii away, seen in perspective."""
     x, y, z = scene.lights[0].direction
@@ -39,7 +43,7 @@ def _near_and_far(scene: Scene) -> Scene:
     return replace(scene, camera=camera, lights=(near, far))
 
 
-@pytest.mark.parametrize("of", [_plain, _wide_and_blurred, _near_and_far])
+@pytest.mark.parametrize("of", [_plain, _wide_and_blurred, _lit_from_around, _near_and_far])
 @pytest.mark.parametrize("names", [("torrance-sparrow", "wolff"), ("phong", "oren-nayar"), ("mirror", "lambert")])
 def test_slopes_are_those_of_pictures_of_moved_scenes(names: tuple[str, str], of: object) -> None:
     """Differences to either side of the prediction itself, in a scene that is shifted already."""

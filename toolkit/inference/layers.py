@@ -47,7 +47,7 @@ def _predict(fit: Fit, x_px: Floats, y_px: Floats, middle: float) -> tuple[Float
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
     diffuse, specular = np.zeros((2, 3, len(x_px)))
     for lit in lit_by(fit.scene, x_px, y_px, whole=gloss.sees_source):
-        matte = lit.falloff * body.value(lit.cosines, numbers[1])
+        matte = lit.falloff * (body.value(lit.cosines, numbers[1]) + (0.0 if lit.returned is None else lit.returned))
         shine = lit.falloff * gloss.value(lit.cosines, numbers[0], fit.variant)
         of_gloss = _specular_colour(fit, lit, middle)
         for c in range(3):

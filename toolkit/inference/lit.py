@@ -11,17 +11,21 @@ from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance.blockwise import Piece
 from toolkit.reflectance.cosines import Cosines, per_place
 
-from .moved_light import parts
+from .moved_light import parts, returned_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lit:
-    """What one light does at surface points: cosines (...), irradiance as colour (3,) x falloff (...), Schlick's s."""
+    """What one light does at surface points: cosines (...), irradiance as colour (3,) x falloff (...), Schlick's s.
+
+    `returned` (...) as by `returned_on`.
+    """
 
     cosines: Cosines
     colour: Floats
     falloff: Floats
     schlick: Floats
+    returned: Floats | None
 
     def thinned(self, every: int) -> Lit:
         """At one place in so many along the last axis."""
@@ -41,7 +45,13 @@ class Lit:
         return self._each(piece)
 
     def _each(self, piece: Piece) -> Lit:
-        return replace(self, cosines=self.cosines.part(piece), falloff=piece(self.falloff), schlick=piece(self.schlick))
+        return replace(
+            self,
+            cosines=self.cosines.part(piece),
+            falloff=piece(self.falloff),
+            schlick=piece(self.schlick),
+            returned=None if self.returned is None else piece(self.returned),
+        )
 
     def at(self, cosines: Cosines) -> Lit:
         """The same light at other cosines."""
@@ -72,7 +82,14 @@ def _lit(light: Light, seen: Surface) -> Lit:
         colour=colour,
         falloff=per_place(irradiance[..., 0], lambda e: e / colour[0]),
         schlick=_schlick(cosines),
+        returned=returned_on(light, seen),
     )
+
+
+def returned_on(light: Light, seen: Surface) -> Floats | None:
+    """What a matte body of albedo 1 shows (...) of what comes back of a light from around; None: nothing does."""
+    back = returned_of(light)
+    return np.asarray(seen.normal @ np.array(back) / np.pi) if any(back) else None
 
 
 def _schlick(cosines: Cosines) -> Floats:

@@ -250,10 +250,12 @@ _Term = tuple[Floats | None, float]  # a table over the nodes (..., S, 4, N), or
 def _values(
     lit: Lit, model: Model, sharp: _Shape, soft: _Shape, evaluate: Evaluate | None = None
 ) -> tuple[Floats, Floats]:
-    """The two lobes under one light: diffuse, specular."""
+    """The two lobes under one light: diffuse, with what comes back from around; specular."""
     if evaluate:
-        return evaluate(model.diffuse, lit.cosines, soft), evaluate(model.specular, lit.cosines, sharp)
-    return model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
+        matte, shine = evaluate(model.diffuse, lit.cosines, soft), evaluate(model.specular, lit.cosines, sharp)
+    else:
+        matte, shine = model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
+    return matte if lit.returned is None else matte + lit.returned, shine
 
 
 def _with_gradients(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> list[tuple[Floats | None, Floats | None]]:

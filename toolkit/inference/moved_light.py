@@ -9,6 +9,8 @@ import numpy as np
 from toolkit.geometry.tangents import tangents
 from toolkit.records import Floats, Light
 
+Vector = tuple[float, float, float]
+
 PARTS = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))  # of a disc, by the sides of its centre
 
 
@@ -16,14 +18,16 @@ PARTS = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))  # of a disc, by th
 class MovedLight:
     """Any light, turned by small angles about two axes and brought nearer; agrees with the kinds where they meet.
 
-    A light in direction d at distance 1 / nearness shines on point p along d - nearness p.
+    A light in direction d at distance 1 / nearness shines on point p along d - nearness p. What stands around may send
+    back some of it: on a surface of normal n the irradiance `returned`.n, relative to the light's own.
     """
 
     kind: str
-    direction: tuple[float, float, float]
+    direction: Vector
     nearness: float
-    irradiance: tuple[float, float, float] | None
+    irradiance: Vector | None
     angular_radius_deg: float
+    returned: Vector = (0.0, 0.0, 0.0)
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance at surface points, as every light gives them."""
@@ -43,17 +47,21 @@ def moved(
     *,
     turn_rad: tuple[float, float] = (0.0, 0.0),
     nearer_per_radius: float = 0.0,
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    scale: Vector = (1.0, 1.0, 1.0),
     angular_radius_deg: float | None = None,
+    returned: Vector = (0.0, 0.0, 0.0),
 ) -> MovedLight:
-    """The light turned about two axes across its direction, nearer, of `scale` times the irradiance (1 if unknown)."""
+    """The light turned about two axes across its direction, nearer, of `scale` times the irradiance (1 if unknown).
+
+    `returned` is what comes back from around, more than before.
+    """
     direction: Floats = np.array(light.direction, np.float64)
     position = getattr(light, "position", None)
     nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
     across, along = tangents(direction)
     turned = direction + turn_rad[0] * across + turn_rad[1] * along
     turned /= np.linalg.norm(turned)
-    irradiance = light.irradiance
+    irradiance, before = light.irradiance, returned_of(light)
     if scale != (1.0, 1.0, 1.0):
         red, green, blue = (e * f for e, f in zip(irradiance or (1.0, 1.0, 1.0), scale, strict=True))
         irradiance = red, green, blue
@@ -63,7 +71,13 @@ def moved(
         nearness=nearness + nearer_per_radius,
         irradiance=irradiance,
         angular_radius_deg=light.angular_radius_deg if angular_radius_deg is None else angular_radius_deg,
+        returned=(before[0] + returned[0], before[1] + returned[1], before[2] + returned[2]),
     )
+
+
+def returned_of(light: Light) -> Vector:
+    """What comes back of a light from around, relative: none as it is told."""
+    return getattr(light, "returned", (0.0, 0.0, 0.0))
 
 
 def parts(light: Light) -> tuple[Light, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from toolkit.records import Floats, Light, Scene, Sphere, scale_of
+from toolkit.records import Floats, Light, Scene, Sphere, irradiance_sd, scale_of
 
 from .gather import NEARNESS_SD, direction_sd_rad
 from .moved_light import moved
@@ -21,6 +21,7 @@ from .problem import Optimum
 
 SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
+RETURNED = ("returned_x", "returned_y", "returned_z")  # relative, of what comes back from around
 BLUR = "camera.blur_px2"
 SIZE_SD, BLUR_SD = 0.2, 0.4  # of a light's stated angular radius; of the stated second moment of a blur
 DOUBTED_SDS = 4.0  # of its prior, by which a shift says that the calibration was wrong
@@ -57,10 +58,10 @@ def prefix(photograph: int) -> str:
 
 def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
     """Which shifts of one photograph are free: two of each light, its nearness, two of the centre, the radius; and what
-    was stated of a light's size and of the camera's blur.
+    was stated of a light's size, of what comes back of it from around and of the camera's blur.
 
-    `fixed` may hold "light", "distance", "size", "blur", "centre", "radius", or "all". The outline's correlations are
-    kept.
+    `fixed` may hold "light", "distance", "size", "returned", "blur", "centre", "radius", or "all". The outline's
+    correlations are kept.
     """
     found: list[tuple[str, str, float]] = []
     for i, light in enumerate(scene.lights):
@@ -69,6 +70,8 @@ def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
         found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
         size = SIZE_SD * float(np.radians(light.angular_radius_deg))
         found.append(("size", f"light{i}.angular_radius_rad", size))
+        back = getattr(light, "returned_sd", None) or 0.0
+        found += [("returned", f"light{i}.{axis}", back) for axis in RETURNED]
     found.append(("blur", BLUR, BLUR_SD * scene.camera.blur_px2))
     lights = len(found)
     outline = np.asarray(scene.sphere.covariance_px2)
@@ -89,17 +92,20 @@ def shifts_of_all(scenes: Sequence[Scene], fixed: Collection[str] = ()) -> Shift
     """The shifts of several photographs of one material: each one's own, and the scale of what has none.
 
     A photograph whose irradiance is not known has three numbers more, the logarithm of each channel's scale; where
-    none is known, the first one's stands for the unit.
+    none is known, the first one's stands for the unit. So has one whose irradiance is known with an error.
     """
     each = [shifts_of(scene, fixed) for scene in scenes]
     unit = None if scale_of(scenes) == "absolute" else 0
     for v, scene in enumerate(scenes):
-        if scene.scale == "relative" and v != unit:
+        sd = 0.0 if len(scenes) == 1 or "all" in fixed else irradiance_sd(scene.lights)
+        if scene.scale == "relative":
+            sd = 0.0 if v == unit else SCALE_SD
+        if sd > 0.0:
             mine = each[v]
             each[v] = Shifts(
                 names=(*mine.names, *SCALES),
                 photograph=np.zeros(len(mine.names) + 3, np.intp),
-                covariance=block_diag(mine.covariance, np.eye(3) * SCALE_SD**2),
+                covariance=block_diag(mine.covariance, np.eye(3) * sd**2),
             )
     return Shifts(
         names=tuple(prefix(v) + name for v, mine in enumerate(each) for name in mine.names),
@@ -146,6 +152,7 @@ def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
     if not any(name.startswith(own) or name in SCALES for name in by_name):
         return light
     red, green, blue = (float(np.exp(by_name.get(name, 0.0))) for name in SCALES)
+    back_x, back_y, back_z = (by_name.get(own + axis, 0.0) for axis in RETURNED)
     larger = float(np.degrees(by_name.get(own + "angular_radius_rad", 0.0)))
     return moved(
         light,
@@ -153,4 +160,5 @@ def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
         nearer_per_radius=by_name.get(own + "nearness_per_radius", 0.0),
         scale=(red, green, blue),
         angular_radius_deg=max(light.angular_radius_deg + larger, 0.0),
+        returned=(back_x, back_y, back_z),
     )

@@ -17,7 +17,7 @@ from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance.cosines import Cosines, dot, dots, once, parts_of
 
 from .descend import Projection
-from .lit import Lit, colour_of, lights_of
+from .lit import Lit, colour_of, lights_of, returned_on
 from .model import radiance
 from .moved_light import MovedLight, moved
 from .nuisances import Shifts, shifted
@@ -66,6 +66,8 @@ class _Slopes:
     value: Floats
     by_cosine: Parts  # by n.l, n.v and l.v
     by_size: Floats | None  # by the angular radius of the light's disc, where the lobe holds it
+    returned: Floats  # what a matte body of albedo 1 shows of what comes back from around
+    body: Floats  # (3, 1, 1), the body's colour times the light's, by which that is multiplied
 
 
 def _slopes(optimum: Optimum | Projection, view: View, light: Light, lit: Lit, photograph: int) -> _Slopes:
@@ -96,6 +98,8 @@ def _slopes(optimum: Optimum | Projection, view: View, light: Light, lit: Lit, p
         value=here,
         by_cosine=(slope(less_lit, -COSINE_STEP), slope(less_seen, -COSINE_STEP), slope(nearer, COSINE_STEP)),
         by_size=by_size,
+        returned=_returned(light, seen),
+        body=np.array([own[0] * colour for own, colour in zip(linear, lit.colour, strict=True)])[:, None, None],
     )
 
 
@@ -135,8 +139,16 @@ def _add(nodes: Floats, before: _Slopes, light: MovedLight, view: View, there: S
     brighter = nearer + (colour_of(light) / colour_of(before.light) - 1.0)[:, None, None]
     if brighter.any():
         nodes += before.value * brighter
+    more = _returned(light, view.seen if there is None else there) - before.returned
+    if more.any():
+        nodes += before.body * own(more / before.distance**2)
     if before.by_size is not None:
         nodes += before.by_size * np.radians(light.angular_radius_deg - before.light.angular_radius_deg)
+
+
+def _returned(light: Light, seen: Surface) -> Floats:
+    back = returned_on(light, seen)
+    return np.zeros((1, 1, 1)) if back is None else back
 
 
 def _moves(before: _Slopes, light: MovedLight, seen: Surface, there: Surface | None) -> list[Floats]:

@@ -19,6 +19,7 @@ def _large_enough(value: float) -> float:
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_large_enough)]
 Degrees = Annotated[float, Field(ge=0, le=90)]
+Relative = Annotated[float, Field(ge=0, le=1)]
 Vector = tuple[Number, Number, Number]
 Colour = tuple[Positive, Positive, Positive]
 

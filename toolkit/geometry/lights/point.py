@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .base import Colour, Degrees, LightModel, Vector, unit
+from .base import Colour, Degrees, LightModel, Relative, Vector, unit
 
 
 class PointLight(LightModel):
@@ -18,6 +18,8 @@ class PointLight(LightModel):
     position: Vector
     direction_sd_deg: Degrees | None = None
     irradiance: Colour | None = None
+    irradiance_sd: Relative | None = None  # of each channel, relative; omitted: exactly known
+    returned_sd: Relative | None = None  # of its irradiance, what table and walls may send back from one side
     angular_radius_deg: Degrees = 0.0  # as seen from the sphere's centre
 
     def model_post_init(self, _: object) -> None:

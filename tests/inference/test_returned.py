@@ -1,0 +1,75 @@
+"""Light that a table sends back from below: stated, the lamp stays where it is; not stated, it is taken for a tilt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from toolkit.geometry.sphere import surface
+from toolkit.inference.infer import gather_for, infer
+from toolkit.inference.layers import predict
+from toolkit.inference.model import Model
+from toolkit.inference.nuisances import shifts_of
+from toolkit.records import Fit, Floats, Scene
+
+from .ball import BODY, photograph, radiance_of
+
+SIZE_PX, RETURNED = 160, (0.004, -0.02, 0.0)  # of the lamp's irradiance
+
+
+def above_a_table() -> tuple[Floats, Scene]:
+    """A glossy ball's radiance with what its body makes of the light from below, and its scene: the lamp alone."""
+    radiance, scene = radiance_of(SIZE_PX, "ggx", alpha=0.1)
+    y, x = np.indices(radiance.shape[:2])
+    seen = surface(scene.camera, scene.sphere, x.ravel(), y.ravel())
+    irradiance = np.where(seen.on_sphere, seen.normal @ np.array(RETURNED), 0.0).reshape(radiance.shape[:2])
+    assert scene.lights[0].irradiance is not None
+    return radiance + irradiance[..., None] * np.array(BODY) * scene.lights[0].irradiance / np.pi, scene
+
+
+def fitted(radiance: Floats, scene: Scene, returned_sd: float | None) -> Fit:
+    light = scene.lights[0].model_copy(update={"returned_sd": returned_sd})  # type: ignore[attr-defined]  # every kind is a pydantic model
+    told = replace(scene, lights=(light,))
+    image = photograph(radiance, seed=1, mosaic=False)
+    return infer(image, told, gather_for(image, told), Model.named("ggx"), seed=1, effective=200)
+
+
+def test_a_table_below_does_not_turn_the_lamp() -> None:
+    """Told of, the lamp is found where it stands, and light from below; untold, it is turned several times more."""
+    radiance, scene = above_a_table()
+    told, untold = (fitted(radiance, scene, sd) for sd in (0.02, None))
+    for axis, truth in zip("xyz", RETURNED, strict=True):
+        value, sd = told.nuisances[f"light0.returned_{axis}"]
+        assert abs(value - truth) < 3.0 * sd
+    assert told.nuisances["light0.returned_y"][1] < 0.004
+    turned, stayed = (
+        np.hypot(*(fit.nuisances[f"light0.tilt_{axis}_rad"][0] for axis in "xy")) for fit in (untold, told)
+    )
+    assert stayed < 0.002 < 0.004 < turned
+    assert told.chi2_reduced < 1.1 < untold.chi2_reduced
+
+
+def test_what_comes_back_is_part_of_the_body() -> None:
+    """The predicted picture holds it: below, the body is brighter by what the shifts say."""
+    radiance, scene = above_a_table()
+    found = fitted(radiance, scene, 0.02)
+    x, y = (np.array([value]) for value in scene.sphere.centre_px)
+    below = y + 0.6 * scene.sphere.radius_px
+    plain = tuple(replace(light, returned=(0.0, 0.0, 0.0)) for light in found.scene.lights)  # type: ignore[type-var]
+    dark = replace(found, scene=replace(found.scene, lights=plain))
+    more = predict(found, x, below).diffuse - predict(dark, x, below).diffuse
+    back = [found.nuisances[f"light0.returned_{axis}"][0] for axis in "xyz"]
+    normal = np.array([0.0, -0.6, 0.8])
+    expected = np.array(found.scene.lights[0].irradiance) * found.colours["diffuse_albedo"] / np.pi * (normal @ back)
+    assert np.allclose(more[0], expected, rtol=0.05)
+
+
+def test_nothing_comes_back_unless_stated() -> None:
+    """It is free where it was stated, and not fixed."""
+    _, scene = above_a_table()
+    light = scene.lights[0].model_copy(update={"returned_sd": 0.02})  # type: ignore[attr-defined]  # every kind is a pydantic model
+    own = {f"light0.returned_{axis}" for axis in "xyz"}
+    assert not own & set(shifts_of(scene).names)
+    assert own < set(shifts_of(replace(scene, lights=(light,))).names)
+    assert not own & set(shifts_of(replace(scene, lights=(light,)), ("returned",)).names)
