@@ -131,7 +131,7 @@ class FitFlags:
         Parameter(
             group=FIT,
             metavar="NAME",
-            help="What is exactly known: light, distance, size, blur, centre, radius or all. Repeatable.",
+            help="What is exactly known: light, distance, size, returned, blur, centre, radius or all. Repeatable.",
         ),
     ] = ()
     discrepancy: Annotated[

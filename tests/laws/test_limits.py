@@ -62,6 +62,16 @@ def test_gtr_with_tail_2_is_ggx(masking):
         np.testing.assert_allclose(general, special, rtol=within, atol=1e-300)
 
 
+@pytest.mark.parametrize("masking", ["smith", "smith-correlated", "v-groove"])
+def test_hazy_ggx_is_ggx_at_either_end(masking):
+    """Without haze it is the core alone, with nothing but haze the halo alone."""
+    for haze, alpha in ((0.0, 0.1), (1.0, 0.4)):
+        whole, alone = (
+            _value(name, *shape, masking=masking) for name, shape in (("hazy-ggx", (0.1, haze, 4.0)), ("ggx", (alpha,)))
+        )
+        np.testing.assert_allclose(whole, alone, rtol=1e-12)
+
+
 def test_gtr_is_smooth_where_its_formula_is_0_over_0():
     """At tail 1 and at alpha 1 the printed normaliser is 0 / 0; the lobe passes through."""
     for shape, beside in (

@@ -36,6 +36,7 @@ CASES = [
             ("torrance-sparrow", [(0.02,), (0.2,), (0.7,)], papers.torrance_sparrow),
             ("beckmann", [(0.02,), (0.3,), (1.0,)], papers.beckmann),
             ("ggx", [(0.02,), (0.3,), (1.0,)], papers.ggx),
+            ("hazy-ggx", [(0.02, 0.2, 5.0), (0.1, 0.7, 2.0), (0.3, 0.5, 10.0)], papers.hazy_ggx),
             ("gtr", [(0.02, 1.3), (0.3, 2.7), (0.6, 4.0)], papers.gtr),
         )
     ),

@@ -33,6 +33,7 @@ TRUTHS: dict[str, tuple[float, ...]] = {  # as sharp as so small a ball still sh
     "blinn-phong": (40.0,),
     "lafortune": (12.0, 0.95),
     "gtr": (0.25, 2.2),
+    "hazy-ggx": (0.12, 0.4, 3.0),
     "oren-nayar": (0.35,),
     "wolff": (1.5,),
     "interfaced-lambert": (1.5, 0.2),

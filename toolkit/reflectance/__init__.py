@@ -4,6 +4,7 @@ from . import beckmann as beckmann
 from . import blinn_phong as blinn_phong
 from . import ggx as ggx
 from . import gtr as gtr
+from . import hazy_ggx as hazy_ggx
 from . import interfaced_lambert as interfaced_lambert
 from . import lafortune as lafortune
 from . import lambert as lambert
