@@ -36,13 +36,12 @@ def evaluate(cosines: Cosines, alpha: Number, haze: Number, spread: Number, *, m
 def gradient(
     cosines: Cosines, alpha: Number, haze: Number, spread: Number, *, masking: str = "smith"
 ) -> tuple[Floats, ...]:
-    """By alpha, haze and spread."""
+    """The value, and its derivatives by alpha, haze and spread."""
     share, product = np.asarray(haze), np.multiply(alpha, spread)
     wide, grows = np.minimum(product, 1.0), product < 1.0
-    (by_core,), (by_wide,) = (ggx.gradient(cosines, width, masking=masking) for width in (alpha, wide))
-    core, halo = (ggx.evaluate(cosines, width, masking=masking) for width in (alpha, wide))
-    by_wide = share * by_wide * grows
-    return (1.0 - share) * by_core + by_wide * np.asarray(spread), halo - core, by_wide * np.asarray(alpha)
+    (core, by_core), (halo, by_wide) = (ggx.gradient(cosines, width, masking=masking) for width in (alpha, wide))
+    value, by_wide = (1.0 - share) * core + share * halo, share * by_wide * grows
+    return value, (1.0 - share) * by_core + by_wide * np.asarray(spread), halo - core, by_wide * np.asarray(alpha)
 
 
 register(
