@@ -138,4 +138,4 @@ def test_every_pair_of_lobes_can_be_sampled() -> None:
     kinds = [[lobe for lobe in LOBES.values() if lobe.kind == kind] for kind in ("specular", "diffuse")]
     counts = {len(gloss.parameters) + len(body.parameters) for gloss in kinds[0] for body in kinds[1]}
     assert counts <= set(NODES)
-    assert max(counts) == 4
+    assert max(counts) == 5

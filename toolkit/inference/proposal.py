@@ -14,7 +14,7 @@ from toolkit.records import Floats, readonly
 
 from .surrogate import Surrogate
 
-CELLS = {1: 512, 2: 64, 3: 24, 4: 12}  # along each axis
+CELLS = {1: 512, 2: 64, 3: 24, 4: 12, 5: 8}  # along each axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

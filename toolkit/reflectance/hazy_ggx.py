@@ -59,7 +59,7 @@ register(
                 log=True,
                 starts=(0.01, 0.04, 0.15, 0.5),
                 typical="0.01 lacquer, 0.1 satin",
-                meaning="width of the core's slopes",
+                meaning="width of the facets' slopes",
             ),
             Parameter(
                 name="haze",
