@@ -35,8 +35,10 @@ def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
     try:
         with OpenEXR.File(header, _channels(layers)) as file:
             file.write(str(path))
-    except RuntimeError as error:  # all that OpenEXR says of a disk
-        raise OSError(errno.EIO, "OpenEXR could not write the layers; is the disk full?") from error
+    except RuntimeError as error:  # all that OpenEXR says of a disk, which itself says why
+        with path.open("ab") as file:
+            file.write(bytes(layers.model.nbytes))
+        raise OSError(errno.EIO, "OpenEXR could not write the layers") from error
     finally:
         OpenEXR.set_global_thread_count(before)
 
