@@ -19,8 +19,13 @@ SIDES = 12  # times that clipped data may change sides at one shape
 SHORT_OF_BOUND, ONTO_BOUND = 0.1, 0.01  # of the way to a bound that one step leaves; of the range, from where none
 
 
-def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Optimum:
-    """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb."""
+def descend(
+    problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None, *, lands_sd: float = STANDS_SD
+) -> Optimum:
+    """Gauss-Newton in the shape with everything else projected out; shorter steps where one would climb.
+
+    `lands_sd`, sds by which the end of a short step may be off that is not looked at again.
+    """
     low, high = problem.model.bounds()
     here = _off_dead_ends(project(problem, u, weights, cols), weights)
     status = f"not converged after {STEPS} steps"
@@ -31,7 +36,7 @@ def descend(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
         moved = step[problem.layout.size :]
         sd = shape_sd(here.joint.matrix, problem.layout)
         wanted = np.clip(u + moved, near, far) - u
-        if _lands(here, step, wanted, sd):
+        if _lands(here, step, wanted, sd, lands_sd):
             status, last = "converged", step
             break
         if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)):
@@ -65,8 +70,8 @@ def _off_dead_ends(here: Projection, weights: Weighing) -> Projection:
     return there if there.chi2 < here.chi2 else here
 
 
-def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats) -> bool:
-    """Whether a step is so short that its end needs no second look: linear there to STANDS_SD, nothing at a bound.
+def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats, lands_sd: float) -> bool:
+    """Whether a step is so short that its end needs no second look: linear there to `lands_sd`, nothing at a bound.
 
     A step s along a scale L (a longest step) errs by s^2 / L, and by s sd / L for each sd of misfit.
     """
@@ -82,7 +87,7 @@ def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats) -> bool:
         * (np.abs(moved) + sd * (1.0 + misfit_root(here.chi2, here.weights.counted, problem.tempering)))
         / longest
     )
-    return bool(np.all(error <= STANDS_SD * sd))
+    return bool(np.all(error <= lands_sd * sd))
 
 
 def _rest(here: Projection, step: Floats, status: str) -> Optimum:

@@ -22,19 +22,20 @@ TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is
 
 
 def refine(
-    problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None, *, rounds: int = ROUNDS
+    problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None, *, lands_sd: float = STANDS_SD
 ) -> Optimum:
     """Descend from a shape, with new weights from the prediction in turn, until both stand.
 
-    `cols` are the columns there with their derivatives, where they are known already.
+    `cols` are the columns there with their derivatives, where they are known already; `lands_sd` the sds by which
+    the end of a short step may be off that is not looked at again.
     """
-    here = descend(problem, u, weights, cols)
-    for _ in range(rounds):
+    here = descend(problem, u, weights, cols, lands_sd=lands_sd)
+    for _ in range(ROUNDS):
         weights, problem = weights_at(problem, here.predicted), _tangent_at(here)
         known = here.columns if problem is here.problem else None
         if known and _alike(weights, here):
             break
-        before, here = here, descend(problem, here.at if known else here.u, weights, known)
+        before, here = here, descend(problem, here.at if known else here.u, weights, known, lands_sd=lands_sd)
         moved = np.abs(here.u - before.u)
         if known and np.all(moved <= STANDS_SD * shape_sd(here.joint, problem.layout)):
             break
