@@ -10,10 +10,12 @@ from toolkit.geometry.sphere import surface
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.layers import predict
 from toolkit.inference.model import Model
+from toolkit.inference.moved_light import moved
 from toolkit.inference.nuisances import shifts_of
+from toolkit.inference.problem import pose
 from toolkit.records import Fit, Floats, Scene
 
-from .ball import BODY, photograph, radiance_of
+from .ball import BODY, NOISE, photograph, radiance_of
 
 SIZE_PX, RETURNED = 160, (0.004, -0.02, 0.0)  # of the lamp's irradiance
 
@@ -73,3 +75,15 @@ def test_nothing_comes_back_unless_stated() -> None:
     assert not own & set(shifts_of(scene).names)
     assert own < set(shifts_of(replace(scene, lights=(light,))).names)
     assert not own & set(shifts_of(replace(scene, lights=(light,)), ("returned",)).names)
+
+
+def test_columns_hold_it_with_their_slopes_and_without() -> None:
+    """A step of the fit, which asks for slopes too, and a prediction see the same picture."""
+    radiance, scene = above_a_table()
+    light = moved(scene.lights[0], returned=(0.0, -0.02, 0.01))
+    lit_from_below = replace(scene, lights=(light,))
+    image = photograph(radiance, seed=1, mosaic=False)
+    problem = pose(Model.named("ggx", "wolff"), lit_from_below, gather_for(image, scene), NOISE)
+    u = np.array([np.log(0.1), 1.5])
+    for plain, sloped in zip(problem.columns(u), problem.columns(u, derivatives=True), strict=True):
+        np.testing.assert_allclose(sloped.table, plain.table, rtol=1e-9, atol=1e-12)

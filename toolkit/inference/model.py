@@ -255,13 +255,19 @@ def _values(
         matte, shine = evaluate(model.diffuse, lit.cosines, soft), evaluate(model.specular, lit.cosines, sharp)
     else:
         matte, shine = model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
-    return matte if lit.returned is None else matte + lit.returned, shine
+    return _with_returned(matte, lit), shine
+
+
+def _with_returned(matte: Floats, lit: Lit) -> Floats:
+    """The diffuse lobe with what comes back from around."""
+    return matte if lit.returned is None else matte + lit.returned
 
 
 def _with_gradients(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> list[tuple[Floats | None, Floats | None]]:
     """The two lobes, and their derivatives in each shape number; None where a lobe does not depend on it."""
     gloss, *by_sharp = model.specular.with_derivatives(lit.cosines, sharp, model.variant)
     body, *by_soft = model.diffuse.with_derivatives(lit.cosines, soft)
+    body = _with_returned(body, lit)
     return [(body, gloss), *((None, slope) for slope in by_sharp), *((slope, None) for slope in by_soft)]
 
 
