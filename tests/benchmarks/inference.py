@@ -48,11 +48,15 @@ def fitting(image: LinearImage, scene: Scene, optimum: Optimum) -> Iterator[Row]
     """The fit, statistics included, beside scipy's, lmfit's and Mitsuba's over all pixels; how far apart optima lie."""
     cells = optimum.problem.views[0].cells
     fitted, data = seconds(lambda: ours(image, scene), repeats=7), given(image, scene, optimum)
-    yield row("fit, x scipy TRF 2-point", seconds(lambda: same_job(scipy_trf, image, scene, cells)) / fitted, 150.0)
+    yield row(
+        "fit, x scipy TRF 2-point", seconds(lambda: same_job(scipy_trf, image, scene, cells), repeats=3) / fitted, 150.0
+    )
     told = "given the weights and a start near the truth"
     yield row(f"fit, x scipy TRF 2-point {told}", seconds(lambda: scipy_trf(data), repeats=3) / fitted)
     if there("lmfit"):
-        yield row("fit, x lmfit", seconds(lambda: same_job(lmfit_leastsq, image, scene, cells)) / fitted, 40.0)
+        yield row(
+            "fit, x lmfit", seconds(lambda: same_job(lmfit_leastsq, image, scene, cells), repeats=3) / fitted, 40.0
+        )
         yield row(f"fit, x lmfit {told}", seconds(lambda: lmfit_leastsq(data), repeats=3) / fitted)
     if adam.works():
         taken, steps, apart = adam.seconds_to(image, scene, optimum)

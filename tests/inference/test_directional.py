@@ -21,7 +21,16 @@ SPECULAR = [name for name, lobe in LOBES.items() if lobe.kind == "specular"]
 def test_a_lobe_finds_its_own_shape(name, metric):
     """Exact values of the lobe over Lambert give its shape and colours back."""
     lobe = LOBES[name]
-    truth = {"shininess": 90.0, "roughness_rad": 0.11, "alpha": 0.17, "tail": 2.4, "axis_ratio": 0.97, "blur_rad": 0.05}
+    truth = {
+        "shininess": 90.0,
+        "roughness_rad": 0.11,
+        "alpha": 0.17,
+        "tail": 2.4,
+        "axis_ratio": 0.97,
+        "blur_rad": 0.05,
+        "haze": 0.3,
+        "spread": 4.0,
+    }
     shape = tuple(truth[p.name] for p in lobe.parameters)
     body, gloss = np.array([0.4, 0.2, 0.1]), 0.06
     values = LOBES["lambert"].value(COSINES, ())[:, None] * body + gloss * lobe.value(COSINES, shape)[:, None]
