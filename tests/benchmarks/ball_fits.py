@@ -1,11 +1,12 @@
 """48 photographs of a real glossy ball, each fitted alone: what is left, and do the intervals hold the others' answer?
 
-python -m tests.benchmarks.ball_fits [EVERY [MODEL]]    prints the figures; of every second, third ... photograph
+python -m tests.benchmarks.ball_fits [EVERY [MODEL [RETURNED_SD]]]    of every second, third ... photograph
 
 `gtr`, whose tail is a number of its own, or another model over `wolff`, the sphere given, the light's direction free
-within a degree. The residual is told in three ways:
-over the samples that the fit uses, with those that glare brightens, and with the ball's edge, whose radius and black
-background no fit looks at. An interval holds the others' consensus where it holds the median of their estimates.
+within a degree; `RETURNED_SD` of the light, 0 where nothing is said, may come back from the room. The residual is
+told in three ways: over the samples that the fit uses, with those that glare brightens, and with the ball's edge,
+whose radius and black background no fit looks at. An interval holds the others' consensus where it holds the median
+of their estimates.
 Needs the photographs (`FIT_MATERIAL_DATA`).
 """
 
@@ -41,9 +42,11 @@ class Alone:
     albedo: tuple[Floats, Floats]  # (3,) and (2, 3), per unit of the light's intensity
 
 
-def alone(index: int, model: str) -> Alone:
+def alone(index: int, model: str, returned_sd: float) -> Alone:
     """Fit one photograph."""
     settings = settings_of(index, fit={"models": [model], "diffuse": ["wolff"], "ess": 500})
+    light = settings.light[0].model_copy(update={"returned_sd": returned_sd})
+    settings = settings.model_copy(update={"light": (light,)})
     report = fit_material(photograph(index), settings)
     intensity = np.loadtxt(folder("diligent_ball") / "light_intensities.txt")[index]
     named = {one.name: one for one in report.fits[report.best].parameters}
@@ -93,9 +96,9 @@ def held(estimates: Sequence[float], intervals: Sequence[tuple[float, float]]) -
     return float(np.mean([low <= median <= high for median, (low, high) in zip(others, intervals, strict=True)]))
 
 
-def main(every: int = 1, model: str = "gtr") -> None:
+def main(every: int = 1, model: str = "gtr", returned_sd: float = 0.0) -> None:
     """Print the figures."""
-    found = [alone(index, model) for index in range(0, 48, every)]
+    found = [alone(index, model, returned_sd) for index in range(0, 48, every)]
     rms, glaring, edge, glare = (
         np.median([getattr(one, name) for one in found]) for name in ("used", "with_glare", "with_edge", "glare")
     )
@@ -117,4 +120,4 @@ def main(every: int = 1, model: str = "gtr") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
+    main(*map(int, sys.argv[1:2]), *sys.argv[2:3], *map(float, sys.argv[3:4]))
