@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
+from itertools import chain
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
@@ -55,6 +56,7 @@ def fit_models(
         )
 
     wanted = [(model, body) for body in settings.fit.diffuse or ("lambert",) for model in settings.fit.models]
+    wanted = list(dict.fromkeys(wanted))  # a model asked for twice is one
     others = () if settings.fit.diffuse else OTHER_BODIES
     tell = _teller(progress, len(wanted) + len(others))
     with _workers(fit, processes, most=max(len(wanted), len(others))) as each_of:
@@ -65,9 +67,11 @@ def fit_models(
             tell(pair)
             if len(fits) == len(wanted) - 1:  # a core falls idle: the best of all but one is likely that of all
                 guess = _best(wanted, fits)
-                ahead = each_of(_over(guess, others))
+                ahead = each_of(_over(guess, others[-1:]))
         best = _best(wanted, fits)
-        for pair, found in ahead if guess == best else each_of(_over(best, others)):
+        right = guess == best
+        rest = each_of(_over(best, others[:-1] if right else others))
+        for pair, found in chain(ahead if right else (), rest):
             fits[pair] = found
             tell(pair)
         return tuple(fits[pair] for pair in (*wanted, *_over(best, others)[::-1]))
