@@ -45,7 +45,8 @@ FIELDS = (
     ("sphere", "centre and radius in pixels, where the fits started; sd of x, y, radius; given: what the settings say"),
     (
         "lights",
-        "as given or estimated, camera frame (x right, y up, z to the camera); fitted: where the best fit put it",
+        "as given or estimated, camera frame (x right, y up, z to the camera); fitted: where the best fit put it, its "
+        "irradiance; returned: what comes back from around, on a normal n the irradiance times returned·n",
     ),
     (
         "separation",

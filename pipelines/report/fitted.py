@@ -1,4 +1,4 @@
-"""Where the best fit moved the lights: direction, distance, and how sure that is."""
+"""What the best fit made of the lights: direction, distance, how sure that is, irradiance and what comes back of it."""
 
 from __future__ import annotations
 
@@ -14,17 +14,29 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedLight:
-    """`position` in sphere radii, None for a light far away; `sd_deg` of the direction, about each of two axes."""
+    """`position` in sphere radii, None for a light far away; `sd_deg` of the direction, about each of two axes.
+
+    `irradiance` is None where it is not known; `returned`.n, of the irradiance, comes back from around on a normal n.
+    """
 
     direction: Vector
     position: Vector | None
     sd_deg: float | None
+    irradiance: Vector | None
+    returned: Vector | None
 
 
 def fitted_light(fit: Fit, index: int) -> FittedLight:
     """One light of a fit's scene."""
     light = fit.scene.lights[index]
-    return FittedLight(direction=_direction(light), position=_position(light), sd_deg=_sd_deg(fit, index, light))
+    returned = getattr(light, "returned", (0.0, 0.0, 0.0))
+    return FittedLight(
+        direction=_direction(light),
+        position=_position(light),
+        sd_deg=_sd_deg(fit, index, light),
+        irradiance=light.irradiance,
+        returned=returned if any(returned) else None,
+    )
 
 
 def _direction(light: Light) -> Vector:

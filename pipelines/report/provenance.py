@@ -12,7 +12,7 @@ from pipelines.srgb import light_of
 from toolkit.records import Fit, Light, MaterialReport, Metadata, Reference, Scene, Sphere
 
 from .fitted import Vector, fitted_light
-from .numbers import MISSING, digits, measured
+from .numbers import MISSING, digits, measured, percent
 from .result import software
 from .rows import numbers
 from .text import base_name, clean
@@ -156,7 +156,16 @@ def _light(light: Light) -> str:
 
     one = cast(AnyLight, light)
     told = f"{one.kind}, {_towards(one.direction, one.position if one.kind == 'point' else None, one.direction_sd_deg)}"
-    return told if one.irradiance is None else f"{told}, irradiance {numbers(one.irradiance)}"
+    if one.irradiance is not None:
+        told += f", irradiance {numbers(one.irradiance)}{_within(light, 'irradiance_relative_sd')}"
+    back = _within(light, "returned_sd")
+    return f"{told},{back} of it may come back from around" if back else told
+
+
+def _within(light: Light, name: str) -> str:
+    """A relative sd, where one was stated."""
+    sd = getattr(light, name, None)
+    return f" ± {percent(sd)}" if sd else ""
 
 
 def _moved(fit: Fit, index: int) -> str:
@@ -172,7 +181,7 @@ def _towards(direction: Vector, position: Vector | None, sd_deg: float | None) -
 
 
 def _nuisances(fit: Fit) -> list[Row]:
-    """What the calibration turned out to be off by: angles in degrees, the rest in its own unit."""
+    """What the calibration turned out to be off by: angles in degrees, scales as factors, the rest in its own unit."""
     return [(f"calibration: {_named(name)}", _shift(name, *pair)) for name, pair in fit.nuisances.items()]
 
 
@@ -190,7 +199,12 @@ def _named(name: str) -> str:
 def _shift(name: str, shift: float, sd: float) -> str:
     if name.endswith("_rad"):
         return f"{measured(math.degrees(shift), math.degrees(sd))}° ± {digits(math.degrees(sd), 2)}°"
-    unit = " px" if name.endswith("_px") else " per sphere radius" if name.endswith("_per_radius") else ""
+    if "scale_" in name:  # a logarithm
+        factor = math.exp(shift)
+        return f"{measured(factor, factor * sd)} ± {digits(factor * sd, 2)} times"
+    endings = {"_px": " px", "_per_radius": " per sphere radius"}
+    unit = next((unit for ending, unit in endings.items() if name.endswith(ending)), "")
+    unit = " of the light" if "returned_" in name else unit
     return f"{measured(shift, sd)} ± {digits(sd, 2)}{unit}"
 
 

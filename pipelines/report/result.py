@@ -210,7 +210,8 @@ def _fields(light: Light) -> dict[str, Any]:
 def _fitted(best: Fit, index: int) -> dict[str, Any]:
     light = fitted_light(best, index)
     place = {} if light.position is None else {"position": light.position}
-    return {"direction": light.direction, **place, "sd_deg": light.sd_deg}
+    came = {"irradiance": light.irradiance, "returned": light.returned}
+    return {"direction": light.direction, **place, "sd_deg": light.sd_deg, **came}
 
 
 def _separation(layers: ColourLayers, agreed: Agreement | None) -> dict[str, Any]:

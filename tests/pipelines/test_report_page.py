@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pipelines.report.page import page_text
+from pipelines.report.provenance import scene_rows
 from pipelines.settings import Settings
 from tests.pipelines import fakes
 from toolkit.flags import MEANING, Flag
@@ -134,6 +135,22 @@ def test_the_page_shows_what_it_promises(page: str) -> None:
         "[fit]",
     ):
         assert word in found.text, word
+
+
+def test_what_was_stated_of_a_light_and_what_became_of_it_stands_in_the_provenance() -> None:
+    """Errors of irradiance and of what comes back as shares; scales, fitted as logarithms, as factors."""
+    report = fakes.report()
+    stated = {"returned_sd": 0.02, "irradiance_relative_sd": 0.05}
+    scene = replace(report.scene, lights=(fakes.LIGHT.model_copy(update=stated),))
+    shifts = {"light0.returned_y": (-0.0213, 0.0012), "light0.scale_red": (0.1, 0.01)}
+    best = replace(report.fits[0], nuisances={**report.fits[0].nuisances, **shifts})
+    plain, rows = (dict(scene_rows(one)) for one in (report, replace(report, scene=scene, fits=(best,))))
+    assert plain["light, given"].endswith("irradiance (2.400, 4.400, 3.100)")
+    assert rows["light, given"].endswith(
+        "irradiance (2.400, 4.400, 3.100) ± 5.0 %, ± 2.0 % of it may come back from around"
+    )
+    assert rows["calibration: light0 returned y"] == "−0.0213 ± 0.0012 of the light"
+    assert rows["calibration: light0 scale red"] == "1.105 ± 0.011 times"
 
 
 def test_every_picture_and_figure_is_told_to_those_who_cannot_see_it(page: str) -> None:

@@ -14,7 +14,7 @@ from pipelines.report.result import failure_object, finite, result_object, resul
 from pipelines.settings import Settings, SphereTable
 from tests.pipelines import fakes
 from toolkit.geometry.lights import PointLight
-from toolkit.inference.moved_light import MovedLight
+from toolkit.inference.moved_light import MovedLight, moved
 from toolkit.records import Camera, MaterialReport
 
 SEPARATION = {
@@ -169,6 +169,18 @@ def test_a_point_light_carries_its_position_as_given_and_as_fitted(report: Mater
     np.testing.assert_allclose(light["fitted"]["position"], [0.0, 2.4, 3.2])
     tilts = [report.fits[0].nuisances[f"light0.tilt_{axis}_rad"][1] for axis in "xy"]
     assert light["fitted"]["sd_deg"] == pytest.approx(math.degrees(math.hypot(*tilts) / math.sqrt(2)))
+
+
+def test_a_fitted_light_says_all_that_the_body_sees_of_it(report: MaterialReport) -> None:
+    """Its irradiance and what comes back of it as they were fitted; null where nothing does."""
+    plain = result_object(report)["lights"][0]["fitted"]
+    assert (plain["irradiance"], plain["returned"]) == (list(fakes.IRRADIANCE), None)
+    light = moved(fakes.LIGHT, scale=(1.0, 0.5, 2.0), returned=(0.004, -0.02, 0.0))
+    fit = replace(report.fits[0], scene=replace(report.fits[0].scene, lights=(light,)))
+    result = result_object(replace(report, fits=(fit,)))["lights"][0]
+    assert result["fitted"]["returned"] == [0.004, -0.02, 0.0]
+    assert result["fitted"]["irradiance"] == [2.4, 2.2, 6.2]
+    assert result["irradiance"] == list(fakes.IRRADIANCE)
 
 
 def test_a_perspective_camera_says_its_focal_length(report: MaterialReport) -> None:
