@@ -20,6 +20,7 @@ from toolkit.inference.model import Model
 from toolkit.inference.moved_light import moved
 from toolkit.inference.normal import inverse, weigh
 from toolkit.inference.problem import Optimum, pose
+from toolkit.inference.weights import weights_of
 from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES
 
@@ -67,6 +68,18 @@ def test_no_cell_is_in_shadow_if_the_light_is_nearer_than_told() -> None:
         turn_rad = (2.0 * aside * np.radians(0.8), 0.0)
         there = replace(told, lights=(moved(light, turn_rad=turn_rad, nearer_per_radius=2.0 * NEARNESS_SD),))
         assert lit_by(there, cells.x_px, cells.y_px)[0].cosines.n_dot_l.min() > 0.0
+
+
+@pytest.mark.parametrize("slopes", [True, False])
+def test_a_channel_without_cells_counts_for_nothing(slopes: bool) -> None:
+    """Some of none are none, and so are their weights."""
+    radiance, scene = radiance_of(120)
+    cells = gather(photograph(radiance, seed=0), scene)
+    none = np.zeros(0, np.intp)
+    empty = cells.channels[0].only(none, none, slopes=slopes)
+    assert empty.only(none, none, slopes=slopes).value.shape == (0,)
+    weights = weights_of(empty, NOISE, 0, empty.predicted(np.ones_like(cells.node_x_px)))
+    assert (weights.counted, weights.of_means.shape) == (0, (0,))
 
 
 def test_flagged_samples_take_no_part() -> None:

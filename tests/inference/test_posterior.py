@@ -14,6 +14,7 @@ from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose
+from toolkit.inference.proposal import CELLS
 from toolkit.inference.surrogate import NODES, _exact, surrogate_of
 from toolkit.records import Floats, Noise
 from toolkit.reflectance import LOBES
@@ -134,8 +135,9 @@ def _quadrature(optimum: Optimum) -> tuple[float, float]:
 
 
 def test_every_pair_of_lobes_can_be_sampled() -> None:
-    """However many shape numbers a highlight and a body have together, there is a number of nodes for them."""
+    """However many shape numbers a highlight and a body have together, nodes and cells are numbered for them."""
     kinds = [[lobe for lobe in LOBES.values() if lobe.kind == kind] for kind in ("specular", "diffuse")]
     counts = {len(gloss.parameters) + len(body.parameters) for gloss in kinds[0] for body in kinds[1]}
     assert counts <= set(NODES)
+    assert counts - {0} <= set(CELLS)  # without a shape nothing is proposed
     assert max(counts) == 5

@@ -34,6 +34,13 @@ def _lit_from_around(scene: Scene) -> Scene:
     return replace(scene, lights=(scene.lights[0].model_copy(update={"returned_sd": 0.05}),))
 
 
+def _near_in_a_bright_room(scene: Scene) -> Scene:
+    """A near lamp with a disc, seen in perspective, of whose light some comes back from around."""
+    near = _near_and_far(scene)
+    lamp = near.lights[0].model_copy(update={"returned_sd": 0.05, "angular_radius_deg": 2.0})
+    return replace(near, lights=(lamp,))
+
+
 def _near_and_far(scene: Scene) -> Scene:
     """Two lamps, one five radii away, seen in perspective."""
     x, y, z = scene.lights[0].direction
@@ -43,7 +50,7 @@ def _near_and_far(scene: Scene) -> Scene:
     return replace(scene, camera=camera, lights=(near, far))
 
 
-@pytest.mark.parametrize("of", [_plain, _wide_and_blurred, _lit_from_around, _near_and_far])
+@pytest.mark.parametrize("of", [_plain, _wide_and_blurred, _lit_from_around, _near_and_far, _near_in_a_bright_room])
 @pytest.mark.parametrize("names", [("torrance-sparrow", "wolff"), ("phong", "oren-nayar"), ("mirror", "lambert")])
 def test_slopes_are_those_of_pictures_of_moved_scenes(names: tuple[str, str], of: object) -> None:
     """Differences to either side of the prediction itself, in a scene that is shifted already."""

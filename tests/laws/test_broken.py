@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from toolkit.reflectance import LOBES, Claim
+from toolkit.reflectance import LOBES, Claim, Cosines
 
 from .laws import LAWS
 
@@ -67,6 +67,15 @@ def test_a_broken_lobe_fails(case):
     """The law named by the case refuses its broken lobe, and accepts none of it in silence."""
     with pytest.raises(AssertionError):
         LAWS[case.split(":")[0]](BROKEN[case])
+
+
+@pytest.mark.parametrize("name", LOBES)
+def test_a_gradient_without_the_value_is_refused(name):
+    """Derivatives alone would be taken for the value and all but the last of them; the error names the lobe."""
+    lobe = replace(LOBES[name], gradient=lambda *given, **variant: LOBES[name].gradient(*given, **variant)[1:])
+    one = Cosines.of(*np.eye(3)[[2, 2, 2]])
+    with pytest.raises(TypeError, match=f"gradient of {name} returned"):
+        lobe.with_derivatives(one, [parameter.starts[0] for parameter in lobe.parameters])
 
 
 def test_turning_matters_where_a_lobe_looks_at_the_camera_frame(monkeypatch):

@@ -80,12 +80,12 @@ class ChannelCells:
 
     def only(self, kept: NDArray[np.intp], rows: NDArray[np.intp], *, slopes: bool = True) -> ChannelCells:
         """Some of the cells (k,), at new places `rows` (k,), with their slopes or without."""
-        times = 3 if slopes and self.slopes else 1
+        times, shape = 3 if slopes and self.slopes else 1, (3 if self.slopes else 1, self.cells)
         return ChannelCells(
             rows=np.tile(rows, times),
             place=self.place,
-            value=self.value.reshape(len(self.rows) // max(self.cells, 1), self.cells)[:times, kept].ravel(),
-            count=self.count.reshape(-1, self.cells)[:times, kept].ravel(),
+            value=self.value.reshape(shape)[:times, kept].ravel(),
+            count=self.count.reshape(shape)[:times, kept].ravel(),
             censored=self.censored[kept],
             slopes=times == 3,
             narrower=None if self.narrower is None else self.narrower[kept],

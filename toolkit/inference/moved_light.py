@@ -1,4 +1,4 @@
-"""Any light a little aside of where it was: turned, nearer, brighter, or a part of its disc."""
+"""Any light a little other than it was: turned, nearer, brighter, lit from around, or a part of its disc."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
 SHORTENINGS = 6
-NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (9, 17), 3: (5, 9), 4: (5,), 5: (5,)}  # along each axis; half of the next
+NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (9, 17), 3: (5, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -37,7 +37,7 @@ class Weights:
     @property
     def of_means(self) -> Floats:
         """The weights matrix's diagonal at the means (n,), between which it has nothing else."""
-        each = self.each.reshape(-1, self.each.size // max(len(self.lean) + 1, 1))
+        each = self.each.reshape(1 + len(self.lean), -1)
         return np.asarray(each[0] + np.sum(self.lean**2 * each[1:], axis=0))
 
     def scaled(self, factor: float) -> Weights:
@@ -73,10 +73,10 @@ class Weights:
 
 def weights_of(data: ChannelCells, noise: Noise, channel: int, predicted: Floats) -> Weights:
     """Weights at the data that are predicted (m,); a clipped cell counts only where the prediction is below it."""
-    n = data.cells
-    signal, slopes = predicted[:n], predicted[n:].reshape(-1, n)
+    n, per_cell = data.cells, 3 if data.slopes else 1
+    signal, slopes = predicted[:n], predicted[n:].reshape(per_cell - 1, n)
     variance = noise.variance(signal, channel)
-    each = data.count.reshape(-1, n) / variance
+    each = data.count.reshape(per_cell, n) / variance
     clipped = np.flatnonzero(data.censored)
     short = each[0, clipped]
     each[:, clipped] = 0.0

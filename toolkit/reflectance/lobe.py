@@ -85,11 +85,20 @@ class Lobe:
     def with_derivatives(
         self, cosines: Cosines, shape: Sequence[Any], variant: Mapping[str, str] | None = None
     ) -> tuple[Floats, ...]:
-        """`value`, and its derivative in each shape number: in less time than one after the other."""
+        """`value`, and its derivative in each shape number: in less time than one after the other.
+
+        Raises TypeError where the lobe's `gradient` returns another number of arrays.
+        """
         chosen = self._own(variant)
 
         def of(piece: Piece) -> tuple[Floats, ...]:
-            return self.gradient(cosines.part(piece), *map(piece, shape), **chosen)
+            found = self.gradient(cosines.part(piece), *map(piece, shape), **chosen)
+            if len(found) != 1 + len(self.parameters):
+                raise TypeError(
+                    f"the gradient of {self.name} returned {len(found)} arrays; expected {1 + len(self.parameters)}: "
+                    "the lobe's value, then its derivative in each parameter"
+                )
+            return found
 
         return blockwise(of, _whole(cosines, shape))
 
