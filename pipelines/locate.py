@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -13,7 +12,7 @@ from toolkit.flags import Flag
 from toolkit.geometry.glare import without_glare
 from toolkit.geometry.lights import DirectionalLight
 from toolkit.geometry.sphere import bounding_box
-from toolkit.records import Camera, Floats, Light, LinearImage, RawFrame, Reference, Scene, Sphere, irradiance_sd
+from toolkit.records import Camera, LinearImage, RawFrame, Reference, Scene, Sphere
 
 from .checks import check_lights, check_sphere
 from .exposure import check_exposure, exposure_explains
@@ -59,8 +58,7 @@ def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Locate
     lights = lights_of(settings)
     known = bool(lights) and all(light.irradiance for light in lights)
     scale: Literal["absolute", "relative"] = "absolute" if known else "relative"
-    error = _stated(lights) if known else None
-    scene = Scene(camera=camera, sphere=sphere, lights=lights, scale=scale, irradiance_covariance=error)
+    scene = Scene(camera=camera, sphere=sphere, lights=lights, scale=scale)
     check_lights(scene)
     image = linearise(
         frame, box=bounding_box(scene, width, height), transfer=transfer, noise=noise, disc=_smooth_disc(sphere)
@@ -72,12 +70,6 @@ def locate(frame: RawFrame, settings: Settings, folder: Path = Path()) -> Locate
     image = without_glare(image, scene)
     scene, reference = lit_by_reference(scene, image, frame, settings, folder)
     return Located(image, scene, reference, tuple(flags))
-
-
-def _stated(lights: Sequence[Light]) -> Floats | None:
-    """Relative covariance (3, 3) of the irradiance, each channel by itself; None where it counts as exactly known."""
-    sd = irradiance_sd(lights)
-    return sd**2 * np.eye(3) if sd else None
 
 
 def _as_shaded(sphere: Sphere) -> Sphere:

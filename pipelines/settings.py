@@ -60,7 +60,7 @@ Reflectance = Annotated[tuple[Share, Share, Share], BeforeValidator(_three)]
 Pixels = Annotated[int, Field(ge=16, le=65535)]
 SpecularModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("specular")]
 DiffuseModel = Annotated[str, Field(min_length=1, max_length=80), _known_lobe("diffuse")]
-Nuisance = Literal["light", "distance", "size", "returned", "blur", "centre", "radius", "all"]
+Nuisance = Literal["light", "distance", "size", "irradiance", "returned", "blur", "centre", "radius", "all"]
 
 
 class Table(BaseModel):

@@ -54,7 +54,7 @@ def exposed(scene: Scene, exposure: float) -> Scene:
 
 
 def as_measured(scene: Scene, rng: np.random.Generator) -> Scene:
-    """The scene as someone measured it: sphere and light directions off by draws from their own stated sds.
+    """The scene as someone measured it: sphere, light directions and irradiances off by draws from their stated sds.
 
     Fits of a render of `scene` must be given this one wherever intervals are to be tested.
     """
@@ -67,7 +67,7 @@ def as_measured(scene: Scene, rng: np.random.Generator) -> Scene:
         covariance_px2=scene.sphere.covariance_px2.copy(),
         source=scene.sphere.source,
     )
-    lights = tuple(_turned(light, rng) for light in scene.lights)
+    lights = tuple(_metered(_turned(light, rng), rng) for light in scene.lights)
     return Scene(camera=scene.camera, sphere=sphere, lights=lights, light_source=scene.light_source, scale=scene.scale)
 
 
@@ -78,6 +78,15 @@ def _turned(light: Light, rng: np.random.Generator) -> Light:
     shift = np.tan(np.radians(movable(light).direction_sd_deg or 0.0)) * rng.standard_normal(2) @ across(towards)
     turned = towards / distance + shift
     return moved(light, distance * turned / np.linalg.norm(turned))
+
+
+def _metered(light: Light, rng: np.random.Generator) -> Light:
+    """The light with its irradiance off by its `irradiance_relative_sd`, each channel by itself."""
+    sd = getattr(light, "irradiance_relative_sd", None)
+    if not sd or light.irradiance is None:
+        return light
+    told = np.array(light.irradiance) * np.exp(sd * rng.standard_normal(3))
+    return movable(light).model_copy(update={"irradiance": tuple(told.tolist())})
 
 
 def scene_tables(scene: Scene, noise: Noise | None = None, *, irradiance: bool = True) -> dict[str, Any]:
@@ -95,7 +104,7 @@ def scene_tables(scene: Scene, noise: Noise | None = None, *, irradiance: bool =
         "centre_sd_px": round(float(np.hypot(sds[0], sds[1]) / np.sqrt(2.0)), 12),
         "radius_sd_px": float(sds[2]),
     }
-    unsaid = None if irradiance else {"irradiance"}
+    unsaid = None if irradiance else {"irradiance", "irradiance_relative_sd"}
     tables["light"] = [
         movable(light).model_dump(mode="json", exclude_none=True, exclude=unsaid) for light in scene.lights
     ]

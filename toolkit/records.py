@@ -218,11 +218,6 @@ class CameraColour:
         readonly(self)
 
 
-def irradiance_sd(lights: Sequence[Light]) -> float:
-    """How well the lights' irradiance is said to be known, relative; 0 where exactly."""
-    return max((getattr(light, "irradiance_sd", None) or 0.0 for light in lights), default=0.0)
-
-
 def scale_of(scenes: Sequence[Scene]) -> Literal["absolute", "relative"]:
     """The scale of what several photographs say together: absolute where one of them is."""
     return "absolute" if any(scene.scale == "absolute" for scene in scenes) else "relative"

@@ -131,7 +131,8 @@ class FitFlags:
         Parameter(
             group=FIT,
             metavar="NAME",
-            help="What is exactly known: light, distance, size, returned, blur, centre, radius or all. Repeatable.",
+            help="What is exactly known: light, distance, size, irradiance, returned, blur, centre, radius or all. "
+            "Repeatable.",
         ),
     ] = ()
     discrepancy: Annotated[

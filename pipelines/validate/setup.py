@@ -99,3 +99,5 @@ def _refuse_incomplete(settings: Settings) -> None:
     lacking = ", ".join(name for name, value in there.items() if not value)
     if lacking:
         raise BadInputError(f"the scene lacks {lacking}; expected what a render of the set-up needs")
+    if any(getattr(light, "returned_sd", None) for light in lights_of(settings)):
+        raise BadInputError("light.returned_sd: nothing around a rendered ball sends light back; leave it out")

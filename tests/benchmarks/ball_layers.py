@@ -46,7 +46,7 @@ def settings_under(index: int) -> Settings:
         "direction": np.loadtxt(place / "light_directions.txt")[index].tolist(),
         "direction_sd_deg": 1.0,
         "irradiance": np.loadtxt(place / "light_intensities.txt")[index].tolist(),
-        "irradiance_sd": IRRADIANCE_SD,
+        "irradiance_relative_sd": IRRADIANCE_SD,
         "returned_sd": RETURNED_SD,
     }
     return settings_of(index, light=[light], fit={"models": ["hazy-ggx"], "diffuse": ["wolff"], "ess": 500})

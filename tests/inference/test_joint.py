@@ -113,7 +113,7 @@ def test_an_irradiance_known_with_an_error_is_found_beside_the_others() -> None:
     def told(sd: float | None) -> Fit:
         pair = views(20.0, 70.0, seed=4, known=True)
         bright = tuple(1.06 * value for value in pair[0].scene.lights[0].irradiance or ())
-        changes = ({"irradiance": bright, "irradiance_sd": sd}, {"irradiance_sd": sd})
+        changes = ({"irradiance": bright, "irradiance_relative_sd": sd}, {"irradiance_relative_sd": sd})
         for i, (view, change) in enumerate(zip(pair, changes, strict=True)):
             light = view.scene.lights[0].model_copy(update=change)  # type: ignore[attr-defined]  # every kind is a pydantic model
             pair[i] = view.moved(replace(view.scene, lights=(light,)))
@@ -121,7 +121,7 @@ def test_an_irradiance_known_with_an_error_is_found_beside_the_others() -> None:
 
     found, bent = told(0.05), told(None)
     for colour in ("red", "green", "blue"):
-        first, second = (found.nuisances[name + f"scale_{colour}"][0] for name in ("", "photograph2."))
+        first, second = (found.nuisances[name + f"light0.scale_{colour}"][0] for name in ("", "photograph2."))
         assert second - first == pytest.approx(np.log(1.06), abs=0.005)
     albedo = estimate(found, "diffuse_albedo")
     assert np.all(np.asarray(albedo.sd) / np.asarray(albedo.estimate) == pytest.approx(0.05 / np.sqrt(2), rel=0.2))

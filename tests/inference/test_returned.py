@@ -67,6 +67,15 @@ def test_what_comes_back_is_part_of_the_body() -> None:
     assert np.allclose(more[0], expected, rtol=0.05)
 
 
+def test_no_layer_is_below_nothing() -> None:
+    """Where less than nothing would come back, on the side away from the table and in shadow, nothing does."""
+    _, scene = above_a_table()
+    found = fitted(above_a_table()[0], scene, 0.02)
+    (cx, cy), reach = scene.sphere.centre_px, 0.9 * scene.sphere.radius_px
+    x, y = (of.ravel() for of in np.meshgrid(cx + np.linspace(-reach, reach, 41), cy + np.linspace(-reach, reach, 41)))
+    assert predict(found, x, y).diffuse.min() >= 0.0
+
+
 def test_nothing_comes_back_unless_stated() -> None:
     """It is free where it was stated, and not fixed."""
     _, scene = above_a_table()

@@ -50,6 +50,22 @@ def _told(asked: Setup) -> tuple[Model, dict[str, np.ndarray]]:
     return Model.named("torrance-sparrow"), numbers
 
 
+def test_another_photograph_never_tells_less_where_the_irradiance_errs() -> None:
+    """An irradiance known to 5 % is that in one photograph's promise, too, and the noise alone is told without it."""
+    asked = setup()
+    light = asked.scene.lights[0].model_copy(update={"irradiance_relative_sd": 0.05})  # type: ignore[attr-defined]  # every kind is a pydantic model
+    asked = replace(asked, scene=replace(asked.scene, lights=(light,)))
+    shot, truth = _view(asked, *_told(asked), asked.scene), _told(asked)[1]
+    model = Model.named("torrance-sparrow")
+    one, two, noise = (
+        _sds(model, *of) for of in (([shot], truth, ()), ([shot] * 2, truth, ()), ([shot], truth, ("all",)))
+    )
+    albedo = np.asarray(BODY)
+    np.testing.assert_allclose(one["diffuse_albedo"] / albedo, 0.05, rtol=0.05)
+    np.testing.assert_allclose(two["diffuse_albedo"] / albedo, 0.05 / np.sqrt(2.0), rtol=0.05)
+    assert max(noise["diffuse_albedo"] / albedo) < 0.005
+
+
 def test_only_another_angle_to_the_view_tells_f0() -> None:
     """Lights at 20 and 120 degrees tell F0 best, then 20 and 100, then -20 and 80; -50 and 50 not at all."""
     found = {}

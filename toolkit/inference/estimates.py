@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -68,15 +68,16 @@ def _specular_draws(optimum: Optimum, x: Floats) -> dict[str, Floats]:
     return {"specular_strength": scale * fresnel.at_mirror(f0), "specular_f0": f0}
 
 
-def posterior_draws(optimum: Optimum, draws: Draws) -> dict[str, Floats]:
-    """`named_draws` of the posterior, with the irradiance's own error where the light was measured.
+def posterior_draws(optimum: Optimum, draws: Draws, told: Sequence[Floats | None]) -> dict[str, Floats]:
+    """`named_draws` of the posterior, with the irradiance's own error where a card told it.
+
+    `told`: of each photograph whose irradiance counts as known and is no shift, its relative covariance (3, 3) or None.
 
     Radiance fixes the product of irradiance and reflectance: every draw takes an irradiance of its own, and what is
     reflected is divided by it. F0 follows its strength by Fresnel's slope. Photographs fitted jointly count as sharing
     their card.
     """
     named = named_draws(optimum, draws.u, draws.x)
-    told = [view.scene.irradiance_covariance for view in optimum.problem.views if view.scene.scale == "absolute"]
     if all(covariance is None for covariance in told):
         return named
     covariance = np.mean([np.zeros((3, 3)) if each is None else each for each in told], axis=0)
@@ -127,6 +128,8 @@ def _on_bound(optimum: Optimum) -> set[str]:
     found = {name for (name, _), on in zip(layout.names, linear, strict=True) if on}
     if any(name.startswith("specular") for name in found):
         found |= {"specular_strength", "specular_f0"}  # one is told by the other
+    if "diffuse_albedo" in found:
+        found.add("reflectance_factor")  # a multiple of it
     return found | {p.name for p, on in zip(model.parameters, shape, strict=True) if on}
 
 

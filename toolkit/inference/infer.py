@@ -18,7 +18,7 @@ from .gather import gather
 from .joint import on_one_scale
 from .model import Model
 from .normal import inverse
-from .nuisances import Shifts, doubted, shifted, shifts_of_all
+from .nuisances import Shifts, doubted, scale_told, shifted, shifts_of_all
 from .posterior import CHAINS, Progress, sample
 from .problem import Optimum, pose_views
 from .settle import fit_with_shifts
@@ -77,7 +77,7 @@ def infer_views(
     stretch = stretch_of(optimum, scores) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)
     chi2_reduced, residual = misfit(by_noise)
-    drawn = posterior_draws(optimum, draws)
+    drawn = posterior_draws(optimum, draws, [s.irradiance_covariance for s in scenes if scale_told(s)])
     estimates = estimates_of(optimum, drawn, statistical_sds(by_noise))
     elpd = elpd_blocks(by_noise, blocks)
     at_mode = {name: values[0] for name, values in named_draws(optimum, optimum.u[None], optimum.x[None]).items()}

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.records import Fit, Floats, irradiance_sd, scale_of
+from toolkit.records import Fit, Floats, scale_of
 from toolkit.reflectance.fresnel import reflectance
 
 from .fit import fit
@@ -22,21 +22,14 @@ def on_one_scale(model: Model, views: Sequence[View]) -> list[View]:
     """The photographs with a first guess of the irradiance where a joint fit needs one, and none is known.
 
     The unit is that of the first photograph that has one, or of the first. The model fitted to it alone predicts
-    every other, whose own unit is the factor, channel by channel, by which that misses. An irradiance's stated error
-    is among the shifts of several photographs, and so no longer of what is drawn.
+    every other, whose own unit is the factor, channel by channel, by which that misses.
     """
-    if len(views) > 1:
-        views = [_with_scale_free(view) if irradiance_sd(view.scene.lights) else view for view in views]
     scale = scale_of([view.scene for view in views])
     unit = next(view for view in views if view.scene.scale == scale)
     if all(view is unit or view.scene.scale == "absolute" for view in views):
         return list(views)
     alone = fit(pose_views(model, [unit]))
     return [view if view is unit or view.scene.scale == "absolute" else _in_units_of(alone, view) for view in views]
-
-
-def _with_scale_free(view: View) -> View:
-    return replace(view, scene=replace(view.scene, irradiance_covariance=None))
 
 
 def _in_units_of(alone: Optimum, view: View) -> View:

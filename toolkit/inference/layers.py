@@ -33,7 +33,7 @@ class Prediction:
 
 
 def predict(fit: Fit, x_px: Floats, y_px: Floats) -> Prediction:
-    """Predict radiance at pixel coordinates (N,) of the sphere; zero in shadow."""
+    """Predict radiance at pixel coordinates (N,) of the sphere; in shadow what comes back from around, or nothing."""
     diffuse, specular, middle = *np.empty((2, 3, len(x_px))), mirror_cosine(fit.scene, fit.scene.lights[0])
     for start in range(0, len(x_px), CHUNK):
         part = slice(start, start + CHUNK)
@@ -47,7 +47,10 @@ def _predict(fit: Fit, x_px: Floats, y_px: Floats, middle: float) -> tuple[Float
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
     diffuse, specular = np.zeros((2, 3, len(x_px)))
     for lit in lit_by(fit.scene, x_px, y_px, whole=gloss.sees_source):
-        matte = lit.falloff * (body.value(lit.cosines, numbers[1]) + (0.0 if lit.returned is None else lit.returned))
+        matte = body.value(lit.cosines, numbers[1])
+        if lit.returned is not None:
+            matte = np.maximum(matte + lit.returned, 0.0)  # a first order alone has less than nothing on its far side
+        matte = lit.falloff * matte
         shine = lit.falloff * gloss.value(lit.cosines, numbers[0], fit.variant)
         of_gloss = _specular_colour(fit, lit, middle)
         for c in range(3):

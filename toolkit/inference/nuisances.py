@@ -13,13 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from toolkit.records import Floats, Light, Scene, Sphere, irradiance_sd, scale_of
+from toolkit.records import Floats, Light, Scene, Sphere, scale_of
 
 from .gather import NEARNESS_SD, direction_sd_rad
 from .moved_light import moved
 from .problem import Optimum
 
-SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a photograph whose irradiance is not known
+SCALES = (
+    "scale_red",
+    "scale_green",
+    "scale_blue",
+)  # logarithms, of a light or of a whole photograph
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
 RETURNED = ("returned_x", "returned_y", "returned_z")  # relative, of what comes back from around
 BLUR = "camera.blur_px2"
@@ -58,10 +62,11 @@ def prefix(photograph: int) -> str:
 
 def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
     """Which shifts of one photograph are free: two of each light, its nearness, two of the centre, the radius; and what
-    was stated of a light's size, of what comes back of it from around and of the camera's blur.
+    was stated of a light's size, of its irradiance's error, of what comes back of it from around and of the camera's
+    blur.
 
-    `fixed` may hold "light", "distance", "size", "returned", "blur", "centre", "radius", or "all". The outline's
-    correlations are kept.
+    `fixed` may hold "light", "distance", "size", "irradiance", "returned", "blur", "centre", "radius", or "all". The
+    outline's correlations are kept.
     """
     found: list[tuple[str, str, float]] = []
     for i, light in enumerate(scene.lights):
@@ -70,6 +75,7 @@ def shifts_of(scene: Scene, fixed: Collection[str] = ()) -> Shifts:
         found.append(("distance", f"light{i}.nearness_per_radius", NEARNESS_SD))
         size = SIZE_SD * float(np.radians(light.angular_radius_deg))
         found.append(("size", f"light{i}.angular_radius_rad", size))
+        found += [("irradiance", f"light{i}.{scale}", _irradiance_error(light)) for scale in SCALES]
         back = getattr(light, "returned_sd", None) or 0.0
         found += [("returned", f"light{i}.{axis}", back) for axis in RETURNED]
     found.append(("blur", BLUR, BLUR_SD * scene.camera.blur_px2))
@@ -92,26 +98,33 @@ def shifts_of_all(scenes: Sequence[Scene], fixed: Collection[str] = ()) -> Shift
     """The shifts of several photographs of one material: each one's own, and the scale of what has none.
 
     A photograph whose irradiance is not known has three numbers more, the logarithm of each channel's scale; where
-    none is known, the first one's stands for the unit. So has one whose irradiance is known with an error.
+    none is known, the first one's stands for the unit.
     """
     each = [shifts_of(scene, fixed) for scene in scenes]
     unit = None if scale_of(scenes) == "absolute" else 0
     for v, scene in enumerate(scenes):
-        sd = 0.0 if len(scenes) == 1 or "all" in fixed else irradiance_sd(scene.lights)
-        if scene.scale == "relative":
-            sd = 0.0 if v == unit else SCALE_SD
-        if sd > 0.0:
+        if scene.scale == "relative" and v != unit:
             mine = each[v]
             each[v] = Shifts(
                 names=(*mine.names, *SCALES),
                 photograph=np.zeros(len(mine.names) + 3, np.intp),
-                covariance=block_diag(mine.covariance, np.eye(3) * sd**2),
+                covariance=block_diag(mine.covariance, np.eye(3) * SCALE_SD**2),
             )
     return Shifts(
         names=tuple(prefix(v) + name for v, mine in enumerate(each) for name in mine.names),
         photograph=np.repeat(np.arange(len(each)), [len(mine.names) for mine in each]),
         covariance=block_diag(np.zeros((0, 0)), *(mine.covariance for mine in each)),
     )
+
+
+def scale_told(scene: Scene) -> bool:
+    """Whether a photograph's irradiance counts as known, by a card or exactly, and is no shift."""
+    return scene.scale == "absolute" and not any(_irradiance_error(light) for light in scene.lights)
+
+
+def _irradiance_error(light: Light) -> float:
+    """Relative sd of a stated irradiance; 0 where it counts as exactly known."""
+    return getattr(light, "irradiance_relative_sd", None) or 0.0
 
 
 def doubted(optimum: Optimum, shifts: Shifts, total: Floats) -> bool:
@@ -151,7 +164,7 @@ def _shift_light(light: Light, index: int, by_name: dict[str, float]) -> Light:
     own = f"light{index}."
     if not any(name.startswith(own) or name in SCALES for name in by_name):
         return light
-    red, green, blue = (float(np.exp(by_name.get(name, 0.0))) for name in SCALES)
+    red, green, blue = (float(np.exp(by_name.get(name, 0.0) + by_name.get(own + name, 0.0))) for name in SCALES)
     back_x, back_y, back_z = (by_name.get(own + axis, 0.0) for axis in RETURNED)
     larger = float(np.degrees(by_name.get(own + "angular_radius_rad", 0.0)))
     return moved(

@@ -30,6 +30,12 @@ class LightModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def check_irradiance(irradiance: Colour | None, relative_sd: float | None) -> None:
+    """Refuse an error of an irradiance that is not told; raises ValueError."""
+    if relative_sd is not None and irradiance is None:
+        raise ValueError("irradiance_relative_sd says how well irradiance is known; give irradiance as well")
+
+
 def unit(vector: Vector) -> Vector:
     """The vector at length 1; raises ValueError where it has none."""
     length = float(np.linalg.norm(vector))

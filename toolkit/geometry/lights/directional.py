@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .base import Colour, Degrees, LightModel, Relative, Vector, unit
+from .base import Colour, Degrees, LightModel, Relative, Vector, check_irradiance, unit
 
 
 class DirectionalLight(LightModel):
@@ -18,12 +18,13 @@ class DirectionalLight(LightModel):
     direction: Vector
     direction_sd_deg: Degrees | None = None
     irradiance: Colour | None = None
-    irradiance_sd: Relative | None = None  # of each channel, relative; omitted: exactly known
+    irradiance_relative_sd: Relative | None = None  # of each channel by itself; omitted: exactly known
     returned_sd: Relative | None = None  # of its irradiance, what table and walls may send back from one side
     angular_radius_deg: Degrees = 0.0
 
     def model_post_init(self, _: object) -> None:
-        """Normalise the direction; raises ValueError on one of length zero."""
+        """Normalise the direction; raises ValueError on one of length zero, and on an error of nothing."""
+        check_irradiance(self.irradiance, self.irradiance_relative_sd)
         object.__setattr__(self, "direction", unit(self.direction))
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .base import Colour, Degrees, LightModel, Relative, Vector, unit
+from .base import Colour, Degrees, LightModel, Relative, Vector, check_irradiance, unit
 
 
 class PointLight(LightModel):
@@ -18,12 +18,13 @@ class PointLight(LightModel):
     position: Vector
     direction_sd_deg: Degrees | None = None
     irradiance: Colour | None = None
-    irradiance_sd: Relative | None = None  # of each channel, relative; omitted: exactly known
+    irradiance_relative_sd: Relative | None = None  # of each channel by itself; omitted: exactly known
     returned_sd: Relative | None = None  # of its irradiance, what table and walls may send back from one side
     angular_radius_deg: Degrees = 0.0  # as seen from the sphere's centre
 
     def model_post_init(self, _: object) -> None:
-        """Refuse a light inside the sphere."""
+        """Refuse a light inside the sphere, and an error of nothing."""
+        check_irradiance(self.irradiance, self.irradiance_relative_sd)
         if np.linalg.norm(self.position) <= 1.0:
             raise ValueError(f"light position {self.position} lies inside the sphere; expected beyond 1 sphere radius")
 
