@@ -33,8 +33,7 @@ def on_one_scale(model: Model, views: Sequence[View]) -> list[View]:
 
 
 def _in_units_of(alone: Optimum, view: View) -> View:
-    there = replace(alone.problem, views=(view,), extras=tuple(np.zeros((len(d.rows), 0)) for d in view.cells.channels))
-    factor = _missed(there, alone)
+    factor = _missed(alone.problem.seen_in([view]), alone)
     return view.moved(brightened(view.scene, factor))
 
 

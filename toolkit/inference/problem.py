@@ -58,7 +58,7 @@ class Problem:
         )
 
     def seen_in(self, views: Iterable[View]) -> Problem:
-        """Of other samples of the same photographs, without further columns."""
+        """Of other samples or other photographs of the same material, as many as before, without further columns."""
         views = tuple(views)
         return replace(
             self,
