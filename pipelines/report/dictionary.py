@@ -65,6 +65,11 @@ FIELDS = (
         "… srgb",
         "a reflectance in linear sRGB: estimate, sd, xyz (D65), hex; of a relative scale without the light's colour",
     ),
+    (
+        "fits[].calibration",
+        "shift and sd of what was free: the fitted value less the one told, unit in the name; scale: a logarithm; "
+        "returned: relative to the light",
+    ),
     ("fits[].chi2_reduced", "misfit over measurement noise alone; 1 is perfect"),
     ("fits[].elpd", "expected log predictive density, over blocks of the surface; larger is better"),
     (

@@ -261,6 +261,7 @@ def _fit(report: MaterialReport, fit: Fit) -> dict[str, Any]:
         "bic": fit.bic,
         "tempering": fit.tempering,
         "parameters": {parameter.name: _parameter(report, fit, parameter) for parameter in fit.parameters},
+        "calibration": {name: {"shift": shift, "sd": sd} for name, (shift, sd) in fit.nuisances.items()},
         "posterior": _posterior(fit),
     }
 

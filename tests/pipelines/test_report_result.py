@@ -52,6 +52,7 @@ FIT = [
     "bic",
     "tempering",
     "parameters",
+    "calibration",
     "posterior",
 ]
 PARAMETER = {
@@ -107,6 +108,8 @@ def test_numbers_survive_the_way_into_the_object(report: MaterialReport) -> None
     assert result["sphere"]["centre_px"] == list(report.scene.sphere.centre_px)
     assert result["lights"][0]["source"] == "given"
     assert result["lights"][0]["fitted"]["direction"] != result["lights"][0]["direction"]
+    for name, (shift, sd) in report.fits[0].nuisances.items():
+        assert result["fits"][0]["calibration"][name] == pytest.approx({"shift": shift, "sd": sd}, rel=1e-9)
     assert result["software"]["numpy"] == np.__version__
 
 
