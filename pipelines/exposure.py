@@ -20,6 +20,7 @@ from toolkit.geometry.sphere import on_sphere, sight_offset
 from toolkit.records import Floats, LinearImage, Plane, Scene
 
 from .checks import written
+from .quality import count_of
 
 UNUSABLE_SHARE = 0.98  # of a channel's samples on the sphere
 BLOWN_SHARE = 0.05  # of the frame: from which clipping is named where no sphere is found
@@ -40,8 +41,7 @@ def exposure_explains(whole: LinearImage) -> Iterator[None]:
     except BadInputError as error:
         if not str(error).startswith("no sphere found"):
             raise  # one was seen and says itself what is wrong with it
-        clipped = [flagged(plane.flags, SampleFlag.CLIPPED) for plane in whole.planes]
-        blown = sum(map(np.count_nonzero, clipped)) / sum(flags.size for flags in clipped)
+        blown = count_of(whole, SampleFlag.CLIPPED) / sum(plane.flags.size for plane in whole.planes)
         brightest = float(np.percentile(_blocks(whole, BLOCK).values.max(axis=2), 99.9))
         if blown > BLOWN_SHARE:
             raise BadInputError(
@@ -107,7 +107,7 @@ def _check_usable(planes: list[Plane], name: str, scene: Scene) -> None:
         (SampleFlag.CLIPPED, "clipped", "only the highlight's core clipped, if anything: expose shorter"),
         (SampleFlag.INVALID, "not finite", "numbers: write the image again"),
     ):
-        share = np.count_nonzero(flags & kind) / max(flags.size, 1)
+        share = np.count_nonzero(flagged(flags, kind)) / max(flags.size, 1)
         if share > UNUSABLE_SHARE:
             raise BadInputError(f"{100 * share:.0f} % of the sphere's {name} samples are {found}; expected {remedy}")
 

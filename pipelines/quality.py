@@ -56,11 +56,12 @@ def clipped_shares(image: LinearImage, scene: Scene) -> tuple[float, float]:
 
 def glares(image: LinearImage) -> bool:
     """Whether glare brightens samples in number, beside those that clip."""
-    glare, clipped = (
-        sum(np.count_nonzero(flagged(plane.flags, kind)) for plane in image.planes)
-        for kind in (SampleFlag.GLARE, SampleFlag.CLIPPED)
-    )
-    return bool(glare > GLARE_SHARE * clipped)
+    return count_of(image, SampleFlag.GLARE) > GLARE_SHARE * count_of(image, SampleFlag.CLIPPED)
+
+
+def count_of(image: LinearImage, kinds: SampleFlag) -> int:
+    """How many samples of a photograph bear one of these kinds of flag."""
+    return sum(int(np.count_nonzero(flagged(plane.flags, kinds))) for plane in image.planes)
 
 
 def _places(plane: Plane, row: NDArray[np.intp], column: NDArray[np.intp]) -> tuple[Floats, Floats]:

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pipelines.quality import count_of
 from pipelines.report.numbers import digits, measured
 from pipelines.report.provenance import exposure
 from pipelines.report.text import clean
-from toolkit.flags import SampleFlag, flagged
+from toolkit.flags import SampleFlag
 from toolkit.records import Floats, RawFrame
 
 from .records import Examination, Lamp, Surroundings
@@ -70,11 +71,7 @@ def _exposure(found: Examination) -> Iterator[Row]:
     if one is None:
         return
     yield "clipped", f"{_three(100 * one.clipped_share, 2)} % of the {one.of}'s samples, by channel"
-    glare = (
-        sum(np.count_nonzero(flagged(plane.flags, SampleFlag.GLARE)) for plane in found.image.planes)
-        if found.image
-        else 0
-    )
+    glare = count_of(found.image, SampleFlag.GLARE) if found.image else 0
     if glare:
         yield "glare", f"{glare} samples beside what is clipped are brightened by the camera and take no part in fits"
     if one.headroom_stops is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from pipelines.export.colour import srgb_encode, srgb_hex
 from pipelines.export.material import Material
 from toolkit.flags import Flag
+from toolkit.inference.compare import extends
 from toolkit.records import Fit, Floats, MaterialReport
 
 from .numbers import digits, measured, percent
@@ -158,7 +159,7 @@ def _certainty(report: MaterialReport) -> str:
     best, *others = (report.fits[index] for index in order)
     other = others[0]
     if report.preferred is not None:  # what only extends the best one by another body does not stand against it
-        other = next((fit for fit in others if fit.model != best.model or len(fit.shape) <= len(best.shape)), other)
+        other = next((fit for fit in others if not extends(fit, best)), other)
     name = title(other.model) if other.diffuse == "lambert" else f"{title(other.model)} over {title(other.diffuse)}"
     lead, sd = elpd_difference(best, other)
     if report.preferred is None:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.inference.moved_light import Vector, returned_of
 from toolkit.records import Fit, Light
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +28,7 @@ class FittedLight:
 def fitted_light(fit: Fit, index: int) -> FittedLight:
     """One light of a fit's scene."""
     light = fit.scene.lights[index]
-    returned = getattr(light, "returned", (0.0, 0.0, 0.0))
+    returned = returned_of(light)
     return FittedLight(
         direction=_direction(light),
         position=_position(light),

@@ -9,9 +9,10 @@ from typing import cast
 import numpy as np
 
 from pipelines.srgb import light_of
+from toolkit.inference.moved_light import Vector
 from toolkit.records import Fit, Light, MaterialReport, Metadata, Reference, Scene, Sphere
 
-from .fitted import Vector, fitted_light
+from .fitted import fitted_light
 from .numbers import MISSING, digits, measured, percent
 from .result import software
 from .rows import numbers

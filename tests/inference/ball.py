@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,7 +11,7 @@ from synthetic.camera import exposure_for
 from synthetic.materials import Material, material
 from synthetic.render import render
 from synthetic.scenes import direction, exposed
-from toolkit.geometry.lights import DirectionalLight
+from toolkit.geometry.lights import DirectionalLight, PointLight
 from toolkit.records import Camera, Floats, LinearImage, Noise, Plane, Scene, Sphere
 
 NOISE = Noise(gain=np.full(3, 1 / 40000), read=np.full(3, 3 / 40000), source="given")
@@ -59,6 +60,13 @@ def radiance_of(
 ) -> tuple[Floats, Scene]:
     """Radiance (h, w, 3) with the highlight at 0.8 of saturation, and the scene with its irradiance."""
     return _rendered(size_px, model, tuple(sorted((shape or {"roughness_rad": 0.12}).items())), light_deg)
+
+
+def replace_light(scene: Scene, **changes: object) -> Scene:
+    """The scene with its first light told otherwise."""
+    light = scene.lights[0]
+    assert isinstance(light, DirectionalLight | PointLight)
+    return replace(scene, lights=(light.model_copy(update=changes), *scene.lights[1:]))
 
 
 def photograph(radiance: Floats, *, seed: int, noise: Noise = NOISE, mosaic: bool = True) -> LinearImage:

@@ -11,7 +11,6 @@ from scipy.ndimage import gaussian_filter
 from synthetic.camera import exposure_for
 from synthetic.render import render
 from synthetic.scenes import exposed
-from toolkit.geometry.lights import DirectionalLight
 from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.lit import lit_by
@@ -19,7 +18,7 @@ from toolkit.inference.model import Model
 from toolkit.inference.nuisances import shifts_of
 from toolkit.records import Floats, Scene
 
-from .ball import glossy, photograph, radiance_of, scene_of
+from .ball import glossy, photograph, radiance_of, replace_light, scene_of
 
 SIZE_PX, ALPHA = 160, 0.05
 
@@ -31,12 +30,6 @@ def lit_by_lamp(radius_deg: float) -> tuple[Floats, Scene]:
     picture = render(light, glossy("ggx", alpha=0.1), width_px=SIZE_PX, height_px=SIZE_PX, supersample=4)
     factor = exposure_for(picture, highlight=0.8)
     return picture.radiance() * factor, exposed(light, factor)
-
-
-def replace_light(scene: Scene, **changes: float) -> Scene:
-    light = scene.lights[0]
-    assert isinstance(light, DirectionalLight)
-    return replace(scene, lights=(light.model_copy(update=changes),))
 
 
 def alpha_of(image_of: Floats, scene: Scene, fixed: tuple[str, ...], seed: int = 1) -> tuple[float, float]:

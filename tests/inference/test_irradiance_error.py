@@ -16,7 +16,7 @@ from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.views import View
 from toolkit.records import Fit, Floats, Light, Scene
 
-from .ball import NOISE, photograph, radiance_of
+from .ball import NOISE, photograph, radiance_of, replace_light
 
 SIZE_PX, SD = 120, 0.05
 MODEL = Model.named("torrance-sparrow")
@@ -24,8 +24,7 @@ MODEL = Model.named("torrance-sparrow")
 
 def stated(scene: Scene, sd: float | None = SD) -> Scene:
     """The scene with its first light's irradiance known to `sd`."""
-    light = scene.lights[0].model_copy(update={"irradiance_relative_sd": sd})  # type: ignore[attr-defined]  # every kind is a pydantic model
-    return replace(scene, lights=(light, *scene.lights[1:]))
+    return replace_light(scene, irradiance_relative_sd=sd)
 
 
 def relative_sd(fit: Fit) -> Floats:
@@ -71,9 +70,8 @@ def test_a_cards_error_stays_whole_beside_an_irradiance_known_worse() -> None:
 def test_each_lamp_has_an_error_of_its_own() -> None:
     """Free is that of the lamp that states it, not that of the one beside it."""
     _, scene = radiance_of(SIZE_PX)
-    first = scene.lights[0]
-    second = first.model_copy(update={"direction": tuple(np.array([-0.6, 0.3, np.sqrt(0.55)]).tolist())})  # type: ignore[attr-defined]  # every kind is a pydantic model
-    both = replace(scene, lights=(first, second))
+    aside = replace_light(scene, direction=(-0.6, 0.3, 0.55**0.5))
+    both = replace(scene, lights=scene.lights + aside.lights)
     assert {n for n in shifts_of(stated(both)).names if "scale" in n} == {
         f"light0.scale_{colour}" for colour in ("red", "green", "blue")
     }

@@ -12,7 +12,7 @@ from synthetic.camera import exposure_for
 from synthetic.materials import material
 from synthetic.render import render
 from synthetic.scenes import exposed
-from tests.inference.ball import BODY, NOISE, photograph, scene_of
+from tests.inference.ball import BODY, NOISE, photograph, replace_light, scene_of
 from toolkit.flags import Flag
 from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.joint import of_photograph
@@ -115,8 +115,7 @@ def test_an_irradiance_known_with_an_error_is_found_beside_the_others() -> None:
         bright = tuple(1.06 * value for value in pair[0].scene.lights[0].irradiance or ())
         changes = ({"irradiance": bright, "irradiance_relative_sd": sd}, {"irradiance_relative_sd": sd})
         for i, (view, change) in enumerate(zip(pair, changes, strict=True)):
-            light = view.scene.lights[0].model_copy(update=change)  # type: ignore[attr-defined]  # every kind is a pydantic model
-            pair[i] = view.moved(replace(view.scene, lights=(light,)))
+            pair[i] = view.moved(replace_light(view.scene, **change))
         return joint(pair, EXACT)
 
     found, bent = told(0.05), told(None)

@@ -15,7 +15,7 @@ from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.records import Fit, Floats, Scene
 
-from .ball import BODY, NOISE, photograph, radiance_of
+from .ball import BODY, NOISE, photograph, radiance_of, replace_light
 
 SIZE_PX, RETURNED = 160, (0.004, -0.02, 0.0)  # of the lamp's irradiance
 
@@ -31,8 +31,7 @@ def above_a_table() -> tuple[Floats, Scene]:
 
 
 def fitted(radiance: Floats, scene: Scene, returned_sd: float | None) -> Fit:
-    light = scene.lights[0].model_copy(update={"returned_sd": returned_sd})  # type: ignore[attr-defined]  # every kind is a pydantic model
-    told = replace(scene, lights=(light,))
+    told = replace_light(scene, returned_sd=returned_sd)
     image = photograph(radiance, seed=1, mosaic=False)
     return infer(image, told, gather_for(image, told), Model.named("ggx"), seed=1, effective=200)
 
@@ -79,11 +78,11 @@ def test_no_layer_is_below_nothing() -> None:
 def test_nothing_comes_back_unless_stated() -> None:
     """It is free where it was stated, and not fixed."""
     _, scene = above_a_table()
-    light = scene.lights[0].model_copy(update={"returned_sd": 0.02})  # type: ignore[attr-defined]  # every kind is a pydantic model
+    told = replace_light(scene, returned_sd=0.02)
     own = {f"light0.returned_{axis}" for axis in "xyz"}
     assert not own & set(shifts_of(scene).names)
-    assert own < set(shifts_of(replace(scene, lights=(light,))).names)
-    assert not own & set(shifts_of(replace(scene, lights=(light,)), ("returned",)).names)
+    assert own < set(shifts_of(told).names)
+    assert not own & set(shifts_of(told, ("returned",)).names)
 
 
 def test_columns_hold_it_with_their_slopes_and_without() -> None:

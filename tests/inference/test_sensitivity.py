@@ -16,7 +16,7 @@ from toolkit.inference.problem import Optimum, pose
 from toolkit.inference.sensitivity import sensitivity
 from toolkit.records import Floats, Scene
 
-from .ball import NOISE, photograph, radiance_of
+from .ball import NOISE, photograph, radiance_of, replace_light
 
 STEP = 1e-4  # prior sds, to either side: few nodes pass a terminator over it
 
@@ -26,12 +26,12 @@ def _plain(scene: Scene) -> Scene:
 
 
 def _wide_and_blurred(scene: Scene) -> Scene:
-    wide = scene.lights[0].model_copy(update={"angular_radius_deg": 3.0})
-    return replace(scene, lights=(wide,), camera=replace(scene.camera, blur_px2=0.5))
+    wide = replace_light(scene, angular_radius_deg=3.0)
+    return replace(wide, camera=replace(scene.camera, blur_px2=0.5))
 
 
 def _lit_from_around(scene: Scene) -> Scene:
-    return replace(scene, lights=(scene.lights[0].model_copy(update={"returned_sd": 0.05}),))
+    return replace_light(scene, returned_sd=0.05)
 
 
 def _near_in_a_bright_room(scene: Scene) -> Scene:

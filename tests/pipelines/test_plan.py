@@ -15,7 +15,7 @@ from synthetic.camera import exposure_for
 from synthetic.materials import material
 from synthetic.render import render
 from synthetic.scenes import direction, exposed
-from tests.inference.ball import BODY, NOISE, glossy, photograph, scene_of
+from tests.inference.ball import BODY, NOISE, glossy, photograph, replace_light, scene_of
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
 from toolkit.reflectance.fresnel import dielectric_f0
@@ -53,8 +53,7 @@ def _told(asked: Setup) -> tuple[Model, dict[str, np.ndarray]]:
 def test_another_photograph_never_tells_less_where_the_irradiance_errs() -> None:
     """An irradiance known to 5 % is that in one photograph's promise, too, and the noise alone is told without it."""
     asked = setup()
-    light = asked.scene.lights[0].model_copy(update={"irradiance_relative_sd": 0.05})  # type: ignore[attr-defined]  # every kind is a pydantic model
-    asked = replace(asked, scene=replace(asked.scene, lights=(light,)))
+    asked = replace(asked, scene=replace_light(asked.scene, irradiance_relative_sd=0.05))
     shot, truth = _view(asked, *_told(asked), asked.scene), _told(asked)[1]
     model = Model.named("torrance-sparrow")
     one, two, noise = (

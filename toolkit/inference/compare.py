@@ -55,6 +55,11 @@ def difference(a: Fit, b: Fit) -> tuple[float, float]:
     return float(each.sum()), float(np.sqrt(len(used)) * used.std(ddof=1)) if len(used) > 1 else float("inf")
 
 
+def extends(fit: Fit, other: Fit) -> bool:
+    """Whether a fit is another one over a body of more numbers: no rival of it."""
+    return fit.model == other.model and len(fit.shape) > len(other.shape)
+
+
 def rank(fits: tuple[Fit, ...]) -> tuple[int, int | None, tuple[float, float] | None]:
     """The best fit, the preferred one (None where the data do not decide), and the best one's lead with its sd.
 
@@ -70,8 +75,6 @@ def rank(fits: tuple[Fit, ...]) -> tuple[int, int | None, tuple[float, float] | 
 
     best = min(within(EQUAL_SD), key=lambda i: (len(fits[i].shape), -fits[i].elpd))
     rivals = within(DECIDED_SD)
-    extensions = all(
-        fits[i].model == fits[best].model and len(fits[i].shape) > len(fits[best].shape) for i in rivals if i != best
-    )
+    extensions = all(extends(fits[i], fits[best]) for i in rivals if i != best)
     others = [i for i in order if i not in rivals] or [i for i in order if i != best]
     return best, best if extensions else None, difference(fits[best], fits[others[0]]) if others else None

@@ -19,11 +19,7 @@ from .gather import NEARNESS_SD, direction_sd_rad
 from .moved_light import moved
 from .problem import Optimum
 
-SCALES = (
-    "scale_red",
-    "scale_green",
-    "scale_blue",
-)  # logarithms, of a light or of a whole photograph
+SCALES = ("scale_red", "scale_green", "scale_blue")  # logarithms, of a light or of a whole photograph
 SCALE_SD = 1.0  # of them, about a first guess: too wide to matter
 RETURNED = ("returned_x", "returned_y", "returned_z")  # relative, of what comes back from around
 BLUR = "camera.blur_px2"
