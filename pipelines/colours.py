@@ -44,8 +44,8 @@ def separate_colours(
 
     row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
     (x0, y0), step = picture.origin_px, picture.step_px
-    black = np.asarray(fit.colours["pedestal"], np.float32)  # its error turns dim colours
-    values = at_one_place(image, picture) - black
+    values = at_one_place(image, picture)
+    values -= np.asarray(fit.colours["pedestal"], np.float32)  # black's error turns dim colours
     seen: dict[str, Any] = {
         "variance": image.noise,
         "usable": usable_samples(image),

@@ -48,26 +48,27 @@ def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
     neighbours nearly independent; a sample with a flagged one among those stays where it is.
     """
     moved = picture.values.copy(order="K")
+    height, width = moved.shape[:2]
     for channel in range(3):
         own = [plane for plane in image.planes if plane.channel == channel]
         x, y = np.mean([plane.origin_px for plane in own], axis=0)
         dx, dy = (picture.origin_px[0] - x) / picture.step_px, (picture.origin_px[1] - y) / picture.step_px
         if dx or dy:
-            clean = np.all([plane.flags[: moved.shape[0], : moved.shape[1]] == 0 for plane in own], axis=0)
-            moved[..., channel] += _step(picture.values[..., channel], clean, dx, dy)
+            foul = [plane.flags[:height, :width] for plane in own]
+            moved[..., channel] += _step(picture.values[..., channel], np.bitwise_or.reduce(foul), dx, dy)
     return moved
 
 
-def _step(values: NDArray[np.float32], clean: NDArray[np.bool_], dx: float, dy: float) -> NDArray[np.float32]:
-    """How much a layer (h, w) changes over (dx, dy) of its own samples; 0 beside samples that are not clean."""
+def _step(values: NDArray[np.float32], flags: NDArray[np.uint8], dx: float, dy: float) -> NDArray[np.float32]:
+    """How much a layer (h, w) changes over (dx, dy) of its own samples; 0 at flagged ones and beside them."""
     import cv2  # slow to import, and only a mosaic's colours need it
 
     rise, row = np.array([-0.5, 0.0, 0.5]), np.full(3, 1 / 3)
     slope = dx * np.outer(row, rise) + dy * np.outer(rise, row)
-    filled = np.ascontiguousarray(np.where(clean, values, np.float32(0)))
-    change = cv2.filter2D(filled, -1, slope, borderType=cv2.BORDER_REFLECT_101)
-    whole = cv2.erode(clean.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return np.where(whole, change, np.float32(0))
+    change = cv2.filter2D(np.ascontiguousarray(values), -1, slope, borderType=cv2.BORDER_REFLECT_101)
+    if flags.any():
+        change[cv2.dilate(flags, np.ones((3, 3), np.uint8)) > 0] = 0
+    return np.asarray(change)
 
 
 def _mean(planes: list[Plane], height: int, width: int) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from toolkit.records import ColourLayers, Floats, Noise
 
 from .body import Body, body_colour
 from .cluster import classify
+from .coefficients import apart
 from .fill import fill
 from .highlight import highlight_line
 from .illuminant import of_samples, unit_colour
@@ -98,7 +99,7 @@ def _cloud_and_body(ready: Samples, light: Floats) -> tuple[Blocks, Body]:
 
 def _layers(ready: Samples, body: Body, light: Floats, of_light: Floats) -> Layers:
     """All pixels on the two colours; nothing but NaN where the body's colour is not seen beside the light's."""
-    if not body.seen:
+    if not (body.seen and apart(body.colour, light)):
         return unknown(ready)
     found = project(ready, body.colour, light, body_covariance=body.covariance, light_covariance=of_light)
     return fill(ready, found, body.colour, light)

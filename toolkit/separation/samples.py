@@ -77,23 +77,18 @@ def samples(
         there = np.isfinite(picture[..., c]) & on
         np.copyto(values[c], picture[..., c], where=there)
         np.logical_and(there, told[..., c], out=good[c])
-    weight = (good[0] & good[1] & good[2]).astype(values.dtype)
+    whole = good[0] & good[1] & good[2]
     values, good = np.moveaxis(values, 0, -1), np.moveaxis(good, 0, -1)
+    _refuse_empty(values, whole)
+    weight = whole.astype(values.dtype)
     if bloom is not None:
         weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
-    _refuse_empty(values, weight)
-    noise = _variance(variance, values, good)
-    unit = unit_of(values)
+    noise, unit = _variance(variance, values, good), unit_of(values)
     if unit != 1.0:
         values, noise = values / unit, noise / unit / unit
-    return Samples(
-        values=values,
-        variance=np.minimum(noise, LOUDEST) + noise.dtype.type(ROUNDING**2 * _largest(values) ** 2),
-        usable=good,
-        weight=weight,
-        on_sphere=on,
-        unit=unit,
-    )
+    np.minimum(noise, LOUDEST, out=noise)
+    noise += noise.dtype.type(ROUNDING**2 * _largest(values) ** 2)
+    return Samples(values=values, variance=noise, usable=good, weight=weight, on_sphere=on, unit=unit)
 
 
 def _largest(values: Floats) -> float:
@@ -115,8 +110,8 @@ def _mask(name: str, mask: Mask | None, shape: tuple[int, ...]) -> Mask:
     return mask.astype(bool, copy=False)
 
 
-def _refuse_empty(values: Floats, weight: Floats) -> None:
-    full = int(np.count_nonzero(weight))
+def _refuse_empty(values: Floats, whole: Mask) -> None:
+    full = int(np.count_nonzero(whole))
     if full < FEWEST:
         raise BadInputError(
             f"{full} pixels have all three channels usable; separation by colour needs {FEWEST}: "
@@ -127,37 +122,42 @@ def _refuse_empty(values: Floats, weight: Floats) -> None:
 
 
 def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
+    """A new array (h, w, 3) or (3,) of the samples' variances."""
     if isinstance(variance, Noise):
-        found, mean = np.empty((3, *values.shape[:2]), values.dtype), local_mean(values, good)
+        found = local_mean(values, good)
         for c in range(3):
-            found[c] = variance.variance(mean[..., c], c)
-        return np.moveaxis(found, 0, -1)
+            found[..., c] = variance.variance(found[..., c], c)
+        return found
     found = np.asarray(variance, float)
     if found.shape not in ((3,), values.shape):
         raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
     wrong = ~(np.isfinite(found) & (found >= 0))
     if np.any(wrong & (good if found.ndim == 3 else True)):
         raise BadInputError("variance holds negative or non-finite numbers; expected each sample's sd squared")
-    return np.where(wrong, 0.0, found) if wrong.any() else found
+    return np.where(wrong, 0.0, found)
 
 
 def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
     """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
     found, before = np.empty((3, *values.shape[:2]), values.dtype), None
+    kept = np.empty(values.shape[:2], values.dtype)
     for c in range(3):
         usable = np.ascontiguousarray(good[..., c])
         if before is None or not np.array_equal(usable, before):
-            before, count = usable, np.maximum(_box(usable.astype(values.dtype), radius), 1.0)
-        np.divide(_box(np.where(usable, values[..., c], values.dtype.type(0)), radius), count, out=found[c])
+            before, count = usable, np.empty_like(kept)
+            np.maximum(_box(usable.astype(values.dtype), radius, count), 1.0, out=count)
+        np.multiply(values[..., c], usable, out=kept)
+        np.divide(_box(kept, radius, found[c]), count, out=found[c])
     return np.moveaxis(found, 0, -1)
 
 
-def _box(values: Floats, radius: int) -> Floats:
-    """Sums over squares of 2 radius + 1 pixels, the outside counted as 0."""
+def _box(values: Floats, radius: int, out: Floats) -> Floats:
+    """Sums over squares of 2 radius + 1 pixels, the outside counted as 0; in `out`."""
     import cv2  # slow to import, and only a Noise needs it
 
     side = 2 * radius + 1
-    return np.asarray(cv2.boxFilter(values, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT))
+    cv2.boxFilter(values, -1, (side, side), out, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return out
 
 
 def block_size(picture: Samples, louder: float = 1.0) -> int:
@@ -165,7 +165,7 @@ def block_size(picture: Samples, louder: float = 1.0) -> int:
 
     `louder` is the noise found over the noise told.
     """
-    full = np.flatnonzero(picture.weight)
+    full = np.flatnonzero(picture.weight > 0)  # of truth values: numpy is slow to find floats
     count = len(full)
     some = full[:: max(count // 4096, 1)]
     row, column = np.unravel_index(some, picture.weight.shape)
@@ -179,20 +179,18 @@ def block_size(picture: Samples, louder: float = 1.0) -> int:
 
 def blocks(picture: Samples, size: int) -> Blocks:
     """Weighted means of squares of `size` pixels that hold at least a quarter of their pixels."""
-    weight = picture.weight
+    weight, variance = picture.weight, picture.variance
     x, y = (np.arange(n, dtype=weight.dtype) for n in weight.shape[::-1])
-    total = _block_sums(weight, size)
+    total = _block_sums(weight, 1.0, size)
     held = total >= 0.25 * size * size
     total = total[held]
 
     def means(layer: Floats) -> Floats:
-        return _block_sums(weight * layer, size)[held] / total
+        return _block_sums(weight, layer, size)[held] / total
 
     colour = np.stack([means(picture.values[..., c]) for c in range(3)], axis=-1)
-    if picture.variance.ndim == 3:  # weight w stands for a variance of v / w
-        variance = np.stack([means(picture.variance[..., c]) for c in range(3)], axis=-1)
-    else:
-        variance = np.broadcast_to(picture.variance, colour.shape)
+    if variance.ndim == 3:  # weight w stands for a variance of v / w
+        variance = np.stack([means(variance[..., c]) for c in range(3)], axis=-1)
     return Blocks(
         colour=colour,
         variance=variance / total[:, None],
@@ -203,12 +201,12 @@ def blocks(picture: Samples, size: int) -> Blocks:
     )
 
 
-def _block_sums(layer: Floats, size: int) -> Floats:
-    """Sums (n,) over squares of a layer (h, w), the edges filled up with nothing, in float64."""
-    if size > 1:
-        h, w = layer.shape
-        filled = np.zeros((-(-h // size) * size, -(-w // size) * size), layer.dtype)
-        filled[:h, :w] = layer
-        lines = filled.reshape(-1, size, filled.shape[1]).sum(axis=1)
-        layer = lines.reshape(len(lines), -1, size).sum(axis=2)
-    return layer.ravel().astype(float)
+def _block_sums(weight: Floats, layer: float | Floats, size: int) -> Floats:
+    """Sums (n,) of weight (h, w) x layer over squares, the edges filled up with nothing, in float64."""
+    height, width = weight.shape
+    layer = np.broadcast_to(np.asarray(layer, weight.dtype), weight.shape)
+    lines = np.zeros((-(-height // size), -(-width // size) * size), weight.dtype)
+    for line, start in zip(lines, range(0, height, size), strict=True):
+        rows = slice(start, start + size)
+        np.einsum("yx,yx->x", weight[rows], layer[rows], out=line[:width])
+    return np.asarray(lines.reshape(len(lines), -1, size).sum(axis=2).ravel(), float)
