@@ -21,6 +21,10 @@ class Surface:
     def __post_init__(self) -> None:
         readonly(self)
 
+    def part(self, index: int | tuple[slice, ...]) -> Surface:
+        """At some of the samples."""
+        return Surface(normal=self.normal[index], view=self.view[index], on_sphere=self.on_sphere[index])
+
 
 def surface(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Surface:
     """The surface points seen at pixel coordinates (N,), in float64."""

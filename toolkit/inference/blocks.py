@@ -60,14 +60,15 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
         sorting = np.argsort(there, kind="stable")
         order, edges = counted[sorting], np.searchsorted(there[sorting], np.arange(COUNT + 1))
         index, slopes = optimum.slopes(c)
-        residual = data.value - optimum.predicted[c]
-        rows, weighted = slopes[:, order], w.times(slopes)[:, order]
-        left, misfit, each = residual[order], w.times(residual)[order], np.log(w.each[order] / (2 * np.pi))
+        rows = w.apart(np.concatenate([slopes, data.value[None] - optimum.predicted[c]])).take(order, axis=1)
+        each = w.each[order]
+        weighted, logs = rows * each, np.log(each / (2 * np.pi))
         for b, (start, end) in enumerate(pairwise(edges), start=first):
             mine = slice(start, end)
-            information[b][index[:, None], index] += weighted[:, mine] @ rows[:, mine].T
-            score[b, index] += weighted[:, mine] @ left[mine]
-            density[b] += 0.5 * (each[mine].sum() - misfit[mine] @ left[mine])
+            sums = weighted[:, mine] @ rows[:, mine].T  # of the slopes, and of what is left, with each other
+            information[b][index[:, None], index] += sums[:-1, :-1]
+            score[b, index] += sums[:-1, -1]
+            density[b] += 0.5 * (logs[mine].sum() - sums[-1, -1])
     return Blocks(information=information, score=score, density=density)
 
 

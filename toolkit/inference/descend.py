@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .normal import Layout, Normal, Weighing, bounded, solve, sums_of, weigh
+from .normal import Layout, Normal, Sums, Weighing, bounded, solve, sums_of, weigh
 from .problem import Evaluated, Optimum, Problem
 
 STEPS = 25
@@ -138,6 +138,22 @@ class Projection:
 def project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None) -> Projection:
     """Solve for everything linear at a shape; of the clipped data those count of which the prediction falls short."""
     cols = problem.columns(u, derivatives=True) if cols is None else cols
+    weights, sums, x, on_bound, chi2 = _linear(problem, cols, weights)
+    joint = problem.combine(cols, sums, weights, x)
+    return Projection(
+        problem=problem, u=u, columns=cols, weights=weights, x=x, chi2=chi2, on_bound=on_bound, joint=joint
+    )
+
+
+def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
+    """The least chi-square at a shape, as `project` finds it, for a look that goes nowhere from there."""
+    return _linear(problem, problem.columns(u), weights)[-1]
+
+
+def _linear(
+    problem: Problem, cols: Evaluated, weights: Weighing
+) -> tuple[Weighing, tuple[Sums, ...], Floats, NDArray[np.bool_], float]:
+    """Weights, sums, everything linear, what of it rests on a bound, chi-square."""
     for _ in range(SIDES):
         sums = sums_of(cols, problem.channels, weights)
         normal = problem.combine(cols, sums, weights)
@@ -145,11 +161,7 @@ def project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
         before, weights = weights, _sided(problem, cols, x, weights)
         if weights is before:
             break
-    chi2 = normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
-    joint = problem.combine(cols, sums, before, x)
-    return Projection(
-        problem=problem, u=u, columns=cols, weights=before, x=x, chi2=chi2, on_bound=on_bound, joint=joint
-    )
+    return before, sums, x, on_bound, normal.squares + float(x @ normal.matrix @ x - 2 * x @ normal.rhs)
 
 
 def _sided(problem: Problem, cols: Evaluated, x: Floats, weights: Weighing) -> Weighing:

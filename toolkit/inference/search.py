@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .descend import project
+from .descend import chi2_at
 from .model import Model, columns_of_many
 from .normal import Weighing, bounded_each, equations, sums_of
 from .problem import Optimum, Problem, weights_at
@@ -55,7 +55,7 @@ def beside(best: Optimum) -> list[Optimum]:
     for d in range(len(best.u)):
         line = np.repeat(best.u[None], GRID, axis=0)
         line[:, d] = np.linspace(low[d], high[d], GRID)
-        chi2 = np.array([project(best.problem, u, best.weights).chi2 for u in line])
+        chi2 = np.array([chi2_at(best.problem, u, best.weights) for u in line])
         own = np.min(chi2[np.abs(line[:, d] - best.u[d]) <= line[1, d] - line[0, d]])
         found += [u for fits, u in _valleys(line, chi2) if fits <= own]
     return [refine(best.problem, u, best.weights) for u in _far_apart([best.u, *found], apart)[1:]]

@@ -159,9 +159,10 @@ def _moves(before: _Slopes, light: MovedLight, seen: Surface, there: Surface | N
     (n_l, n_v, l_v), towards = before.cosines, before.towards
     normal, eye = parts_of(seen.normal), parts_of(seen.view)
     nearer = light.nearness - before.light.nearness
+    by_l, by_n, by_v = -nearer * n_l, np.full((1, 1, 1), -nearer), -nearer * n_v  # of dw with l, n and v
     step = [a - b for a, b in zip(light.direction, before.light.direction, strict=True)]
-    by_l, by_n, by_v = (dot(of, step) for of in (towards, normal, eye))  # of dw with l, n and v
-    by_l, by_n, by_v = by_l - nearer * n_l, by_n - nearer, by_v - nearer * n_v
+    if any(step):
+        by_l, by_n, by_v = by_l + dot(towards, step), by_n + dot(normal, step), by_v + dot(eye, step)
     lit: Floats
     viewed: Floats
     across: Floats

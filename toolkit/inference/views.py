@@ -44,11 +44,7 @@ class View:
             self,
             gathered=few,
             cells=few if self.cells is self.gathered else self.cells.thinned(every),
-            seen=Surface(
-                normal=self.seen.normal[..., ::every, :],
-                view=self.seen.view[..., ::every, :],
-                on_sphere=self.seen.on_sphere[..., ::every],
-            ),
+            seen=self.seen.part(np.s_[:, :, ::every]),
             lights=tuple(light.thinned(every) for light in self.lights),
         )
 
