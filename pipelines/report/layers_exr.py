@@ -2,59 +2,25 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from pathlib import Path
 
-import numpy as np
-
-from toolkit.records import Floats, LinearImage, ModelLayers
+from toolkit.io.exr_lines import write_lines
+from toolkit.records import LinearImage, ModelLayers
 
 LAYERS = ("diffuse", "specular", "model", "residual")
-THREADS = 2  # the bytes are the same with one
 
 
 def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
-    """Write float32 scan lines, losslessly packed (RLE); 0 off the sphere. One sample a quad where a mosaic was fitted.
+    """Write float32 scan lines, not packed; 0 off the sphere. One sample a quad where a mosaic was fitted.
 
     displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it. Raises OSError where the
     disk does not take it.
     """
-    import OpenEXR
-
-    height, width = layers.model.shape[:2]
     x, y = (round((origin - (layers.step_px - 1) / 2) / layers.step_px) for origin in layers.origin_px)
-    header = {
-        "compression": OpenEXR.RLE_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "displayWindow": _window(0, 0, image.width_px // layers.step_px, image.height_px // layers.step_px),
-        "dataWindow": _window(x, y, width, height),
-    }
-    before = OpenEXR.global_thread_count()
-    OpenEXR.set_global_thread_count(min(THREADS, os.cpu_count() or 1))
-    try:
-        with OpenEXR.File(header, _channels(layers)) as file:
-            file.write(str(path))
-    except RuntimeError as error:  # all that OpenEXR says of a disk, which itself says why
-        with path.open("ab") as file:
-            file.write(bytes(layers.model.nbytes))
-        raise OSError(errno.EIO, "OpenEXR could not write the layers") from error
-    finally:
-        OpenEXR.set_global_thread_count(before)
-
-
-def _channels(layers: ModelLayers) -> dict[str, Floats]:
-    return {
-        f"{name}.{letter}": _dark(np.asarray(getattr(layers, name)[..., channel], np.float32))
+    channels = {
+        f"{name}.{letter}": getattr(layers, name)[..., channel]
         for name in LAYERS
         for channel, letter in enumerate("RGB")
     }
-
-
-def _dark(layer: Floats) -> Floats:
-    """The layer (h, w), 0 where it is no number."""
-    return np.where(np.isfinite(layer), layer, np.float32(0.0))
-
-
-def _window(x: int, y: int, width: int, height: int) -> tuple[Floats, Floats]:
-    return np.array([x, y], np.int32), np.array([x + width - 1, y + height - 1], np.int32)
+    display = image.width_px // layers.step_px, image.height_px // layers.step_px
+    write_lines(path, channels, corner=(x, y), display=display)

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 Handle: TypeAlias = Any  # of h5py's low level, which ships no types: a file, a group, a dataset ...
 GROWTH_BYTES = 1 << 16  # of the file in memory
-PACKING = 1  # gzip's level; draws are nearly noise, more gains nothing
 
 
 @contextmanager
@@ -78,25 +77,21 @@ def dimensions(owner: Handle, coordinates: Mapping[str, npt.ArrayLike]) -> Itera
 def write_variable(
     owner: Handle, name: str, values: npt.ArrayLike, scales: Sequence[Handle] = (), unit: str = ""
 ) -> None:
-    """A variable over dimensions, one for each of its axes; packed without loss where it has any."""
+    """A variable over dimensions, one for each of its axes; not packed, since draws are nearly noise."""
     from h5py import h5ds
 
-    with _dataset(owner, name, _array(values), packed=bool(scales)) as made:
+    with _dataset(owner, name, _array(values)) as made:
         for axis, scale in enumerate(scales):
             h5ds.attach_scale(made, scale, axis)
         write_attributes(made, {"units": unit} if unit else {})
 
 
 @contextmanager
-def _dataset(owner: Handle, name: str, array: npt.NDArray[Any], *, packed: bool = False) -> Iterator[Handle]:
+def _dataset(owner: Handle, name: str, array: npt.NDArray[Any]) -> Iterator[Handle]:
     from h5py import h5d, h5p, h5s
 
     how = h5p.create(h5p.DATASET_CREATE)
     how.set_obj_track_times(False)
-    if packed and array.size:
-        how.set_chunk(array.shape)
-        how.set_shuffle()
-        how.set_deflate(PACKING)
     with closing(h5d.create(owner, name.encode(), _type(array), _space(array), how)) as made:
         made.write(h5s.ALL, h5s.ALL, array)
         yield made

@@ -22,7 +22,7 @@ DIAGNOSTICS = ("ess_min", "r_hat_max", "tau_max", "acceptance")
 
 
 def write_posterior(path: Path, report: MaterialReport) -> None:
-    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; packed without loss."""
+    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open."""
     path.write_bytes(_image(report))
 
 

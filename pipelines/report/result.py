@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -111,22 +112,25 @@ def result_text(result: Mapping[str, Any], *, indent: int | None = 1) -> str:
 
 def software() -> dict[str, str | None]:
     """Versions of what the numbers come from."""
-    import importlib.metadata
     import platform
 
     import toolkit
 
-    def version(name: str) -> str | None:
-        try:
-            return importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            return None
-
     return {
         "fit-material": toolkit.__version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in SOFTWARE},
+        **{name: _version(name) for name in SOFTWARE},
     }
+
+
+@cache  # every result of a batch asks, and a package's description is slow to read
+def _version(package: str) -> str | None:
+    import importlib.metadata
+
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def finite(value: object) -> object:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 OWN = (".json", ".run.json", ".html", ".posterior.nc", ".layers.exr", ".settings.toml")
 NUMBERED = (".layers-*.exr", ".settings-*.toml")  # of a joint fit's photographs after the first
-TOGETHER = 2  # files: packing layers and draws leaves the interpreter to others
+TOGETHER = 2  # files: copying and syncing the layers leaves the interpreter to others
 Write = Callable[[Path], None]
 Subject = TypeVar("Subject")
 
