@@ -96,7 +96,8 @@ def _sight(cosine: Floats, sigma: float) -> tuple[Floats, Floats]:
     if sigma < _SMOOTH:
         return np.ones_like(cosine), np.zeros_like(cosine)
     alpha = _SQRT2 * sigma
-    return g.BECKMANN.value(cosine, alpha), g.BECKMANN.derivatives(cosine, alpha)[0] * _SQRT2
+    seen, by_alpha = g.BECKMANN.gradient(cosine, alpha)
+    return seen, by_alpha * _SQRT2
 
 
 def _over_view(flat: Flat, value: Floats) -> Floats:

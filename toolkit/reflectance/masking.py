@@ -35,27 +35,43 @@ def beckmann_one_sided(cosine: Floats, alpha: Number) -> Floats:
     Up to 6e-3 from Smith's exact G1; it steps by 6e-5 where it reaches 1.
     """
     hiding, a, _ = _where_facets_hide(cosine, alpha)
-    found = np.ones(hiding.shape)
-    found[hiding] = a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a))
-    return found
+    return hiding.filled(a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a)), 1.0)
 
 
-def beckmann_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
-    """The derivative of Walter's rational G1 in `alpha`."""
+def beckmann_one_sided_gradient(cosine: Floats, alpha: Number) -> tuple[Floats, ...]:
+    """Walter's rational G1, and its derivative in `alpha`."""
     hiding, a, width = _where_facets_hide(cosine, alpha)
     above, below = a * (3.535 + 2.181 * a), 1.0 + a * (2.276 + 2.577 * a)
     slope = ((3.535 + 4.362 * a) * below - above * (2.276 + 5.154 * a)) / np.square(below)
-    found = np.zeros(hiding.shape)
-    found[hiding] = slope * (-a / width)
-    return (found,)
+    return hiding.filled(above / below, 1.0), hiding.filled(slope * (-a / width), 0.0)
 
 
-def _where_facets_hide(cosine: Floats, alpha: Number) -> tuple[NDArray[np.bool_], Floats, Floats]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """Some places of an array: near grazing they are few, so that only they are worked out."""
+
+    shape: tuple[int, ...]
+    flat: NDArray[np.intp]
+
+    def of(self, values: Number) -> Floats:
+        """An array's values there; one number is as good as many."""
+        every = np.asarray(values)
+        return np.broadcast_to(every, self.shape).ravel()[self.flat] if every.ndim else every
+
+    def filled(self, values: Floats, elsewhere: float) -> Floats:
+        """The whole array, of values there and one number everywhere else."""
+        found = np.full(self.shape, elsewhere)
+        found.put(self.flat, values)
+        return found
+
+
+def _where_facets_hide(cosine: Floats, alpha: Number) -> tuple[_Places, Floats, Floats]:
     """Where Walter's G1 is not 1, which is near grazing, and there its a = cot(theta) / alpha and alpha."""
     flattest = 1.6 * np.asarray(alpha)
     hiding = np.asarray(cosine < flattest / np.sqrt(1.0 + np.square(flattest)))
-    width = np.broadcast_to(alpha, hiding.shape)[hiding]
-    return hiding, _cotangent(np.broadcast_to(cosine, hiding.shape)[hiding]) / width, width
+    places = _Places(hiding.shape, np.flatnonzero(hiding))
+    width = places.of(alpha)
+    return places, _cotangent(places.of(cosine)) / width, width
 
 
 def _cotangent(cosine: Floats) -> Floats:
@@ -72,10 +88,11 @@ def ggx_denominator(cosine: Floats, alpha: Number) -> Floats:
     return np.asarray(cosine + _ggx_root(cosine, alpha))
 
 
-def ggx_one_sided_derivative(cosine: Floats, alpha: Number) -> tuple[Floats]:
-    """The derivative of GGX's G1 in `alpha`."""
+def ggx_one_sided_gradient(cosine: Floats, alpha: Number) -> tuple[Floats, ...]:
+    """Smith's exact G1 of GGX, and its derivative in `alpha`."""
     root = np.maximum(_ggx_root(cosine, alpha), _TINY)
-    return (-2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(cosine + root) * root),)
+    both = cosine + root
+    return 2.0 * cosine / both, -2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(both) * root)
 
 
 def _ggx_root(cosine: Floats, alpha: Number) -> Floats:
@@ -85,14 +102,14 @@ def _ggx_root(cosine: Floats, alpha: Number) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneSided:
-    """Smith's G1 of one D, (cosine, *shape) -> array, and its derivatives in each shape number."""
+    """Smith's G1 of one D, (cosine, *shape) -> array; `gradient` returns the same, then its derivative in each."""
 
     value: Callable[..., Floats]
-    derivatives: Callable[..., tuple[Floats, ...]]
+    gradient: Callable[..., tuple[Floats, ...]]
 
 
-BECKMANN = OneSided(value=beckmann_one_sided, derivatives=beckmann_one_sided_derivative)
-GGX = OneSided(value=ggx_one_sided, derivatives=ggx_one_sided_derivative)
+BECKMANN = OneSided(value=beckmann_one_sided, gradient=beckmann_one_sided_gradient)
+GGX = OneSided(value=ggx_one_sided, gradient=ggx_one_sided_gradient)
 
 
 def masking(cosines: Cosines, choice: str, smith: OneSided, *shape: Number) -> Floats:
@@ -111,8 +128,8 @@ def masking_derivatives(
     """G for `choice`, and its derivative in each shape number."""
     if choice == "v-groove":
         return v_groove(cosines), tuple(np.zeros(()) for _ in shape)
-    light, view = smith.value(cosines.n_dot_l, *shape), smith.value(cosines.n_dot_v, *shape)
-    by_light, by_view = smith.derivatives(cosines.n_dot_l, *shape), smith.derivatives(cosines.n_dot_v, *shape)
+    light, *by_light = smith.gradient(cosines.n_dot_l, *shape)
+    view, *by_view = smith.gradient(cosines.n_dot_v, *shape)
     if choice == "smith":
         return light * view, tuple(a * view + light * b for a, b in zip(by_light, by_view, strict=True))
     either = _either(light, view)

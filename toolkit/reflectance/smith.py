@@ -40,10 +40,10 @@ def exact(density: Density) -> OneSided:
     def value(cosine: Floats, *shape: Number) -> Floats:
         return np.asarray(per_shape(first, [cosine], shape)[0])
 
-    def derivatives(cosine: Floats, *shape: Number) -> tuple[Floats, ...]:
-        return tuple(per_shape(rows, [cosine], shape)[1:])
+    def gradient(cosine: Floats, *shape: Number) -> tuple[Floats, ...]:
+        return tuple(per_shape(rows, [cosine], shape))
 
-    return OneSided(value=value, derivatives=derivatives)
+    return OneSided(value=value, gradient=gradient)
 
 
 def _at(table: Floats, cosine: Floats) -> Floats:
