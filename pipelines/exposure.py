@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag, flagged
-from toolkit.geometry.sphere import on_sphere, sight_offset
+from toolkit.geometry.sphere import on_sphere, surface
 from toolkit.records import Floats, LinearImage, Plane, Scene
 
 from .checks import written
@@ -125,7 +125,7 @@ def _grid(shape: tuple[int, ...], origin_px: tuple[float, float], step_px: int) 
 def _check_contrast(blocks: Blocks, scene: Scene) -> None:
     """Whether the sphere's parts differ by more than noise: one sample's, or what chance does to blocks of few."""
     x, y = np.broadcast_arrays(*_grid(blocks.values.shape, blocks.origin_px, blocks.step_px))
-    inner = blocks.values[sight_offset(scene.camera, scene.sphere, x, y) < INNER]
+    inner = blocks.values[surface(scene.camera, scene.sphere, x, y).offset2 < INNER**2]
     if not len(inner):
         return
     contrast = np.ptp(inner, axis=0)

@@ -8,7 +8,7 @@ import pytest
 from toolkit.geometry.chrome import mirrored
 from toolkit.geometry.lights import DirectionalLight, PointLight
 from toolkit.geometry.project import limb_px, mirror_place, project
-from toolkit.geometry.sphere import sight_offset, surface
+from toolkit.geometry.sphere import surface
 from toolkit.records import Camera, Sphere
 
 SPHERE = Sphere(centre_px=(700.0, 150.0), radius_px=90.0, covariance_px2=np.eye(3), source="given")
@@ -27,9 +27,9 @@ def test_what_is_seen_at_a_pixel_projects_to_it(camera: Camera) -> None:
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=["orthographic", "perspective"])
 def test_the_outline_is_where_sight_just_touches(camera: Camera) -> None:
-    """Each of its points has sight offset 1; a circle of the same radius has not, in perspective."""
+    """There lines of sight pass the centre at one radius; a circle of the same radius has not, in perspective."""
     x, y = limb_px(camera, SPHERE).T
-    np.testing.assert_allclose(sight_offset(camera, SPHERE, x, y), 1.0, atol=1e-6)
+    np.testing.assert_allclose(surface(camera, SPHERE, x, y).offset2, 1.0, atol=1e-6)
     circle = np.hypot(x - SPHERE.centre_px[0], y - SPHERE.centre_px[1])
     assert (np.ptp(circle) > 1.0) == (camera.projection == "perspective")
 

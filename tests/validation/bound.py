@@ -12,7 +12,7 @@ import numpy as np
 
 from synthetic.materials import Material, material
 from synthetic.render import render
-from toolkit.geometry.sphere import sight_offset, surface
+from toolkit.geometry.sphere import surface
 from toolkit.inference.expected import MOSAIC
 from toolkit.inference.gather import _wary
 from toolkit.inference.nuisances import Shifts, shifted
@@ -83,4 +83,4 @@ def _usable(scene: Scene, side_px: int) -> np.ndarray:
         np.sum(seen.normal * light.at(seen.normal)[0], axis=-1) > dark
         for light, dark in zip(scene.lights, wary.dark, strict=True)
     ]
-    return (sight_offset(scene.camera, scene.sphere, x, y) < wary.furthest) & np.any(lit, axis=0)
+    return (seen.offset2 < wary.furthest**2) & np.any(lit, axis=0)

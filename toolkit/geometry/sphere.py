@@ -12,18 +12,27 @@ from toolkit.records import Camera, Floats, Scene, Sphere, readonly
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surface:
-    """Surface points under samples; off the sphere `on_sphere` is False and the vectors are of the nearest limb."""
+    """Surface points under samples; off the sphere `on_sphere` is False and the vectors are of the nearest limb.
+
+    `offset2` is the square of how far from the centre each line of sight passes, in sphere radii: on the sphere
+    n.v = sqrt(1 - offset2). Over a pixel that distance changes by at most 1 / (radius_px cos(angular radius)).
+    """
 
     normal: Floats  # (N, 3) unit; also the position in sphere radii from the centre
     view: Floats  # (N, 3) unit, towards the camera
-    on_sphere: NDArray[np.bool_]  # (N,)
+    offset2: Floats  # (N,)
 
     def __post_init__(self) -> None:
         readonly(self)
 
+    @property
+    def on_sphere(self) -> NDArray[np.bool_]:
+        """Which lines of sight meet the sphere (N,)."""
+        return np.asarray(self.offset2 < 1.0)
+
     def part(self, index: int | tuple[slice, ...]) -> Surface:
         """At some of the samples."""
-        return Surface(normal=self.normal[index], view=self.view[index], on_sphere=self.on_sphere[index])
+        return Surface(normal=self.normal[index], view=self.view[index], offset2=self.offset2[index])
 
 
 def surface(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Surface:
@@ -43,44 +52,26 @@ def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDA
     return np.asarray(squared + ((y_px - sphere.centre_px[1]) / sphere.radius_px) ** 2 < 1.0)
 
 
-def sight_offset(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Floats:
-    """How far from the sphere's centre each line of sight passes, in sphere radii: below 1 it meets the sphere.
-
-    There n.v = sqrt(1 - offset^2). Over a pixel it changes by at most 1 / (radius_px cos(angular radius)).
-    """
-    if camera.projection == "orthographic":
-        x, y = x_px - sphere.centre_px[0], y_px - sphere.centre_px[1]
-        return np.asarray(np.sqrt(x * x + y * y) / sphere.radius_px)
-    centre = centre_position(camera, sphere)
-    along = _rays(camera, np.asarray(x_px, float), np.asarray(y_px, float)) @ centre
-    return np.asarray(np.sqrt(np.maximum(centre @ centre - along * along, 0.0)))
-
-
 def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
-    nx = (x - sphere.centre_px[0]) / sphere.radius_px
-    ny = -(y - sphere.centre_px[1]) / sphere.radius_px
-    r2 = nx * nx + ny * ny
-    on_sphere = r2 < 1.0
-    if not on_sphere.all():
-        shrink = 1.0 / np.sqrt(np.maximum(r2, 1.0))
-        nx, ny = nx * shrink, ny * shrink
-    normal = _vectors(nx, ny, np.sqrt(np.maximum(1.0 - r2, 0.0)))
-    return Surface(normal=normal, view=np.broadcast_to((0.0, 0.0, 1.0), normal.shape), on_sphere=on_sphere)
-
-
-def _vectors(x: Floats, y: Floats, z: Floats) -> Floats:
-    """Vectors (..., 3) of three components, each of which lies together in memory: what follows takes them apart."""
-    return np.moveaxis(np.stack([x, y, z]), 0, -1)
+    normal = np.empty((3, *x.shape))  # each component together in memory: what follows takes them apart
+    normal[0] = (x - sphere.centre_px[0]) / sphere.radius_px
+    normal[1] = (sphere.centre_px[1] - y) / sphere.radius_px
+    offset2 = normal[0] * normal[0] + normal[1] * normal[1]
+    if offset2.max(initial=0.0) >= 1.0:
+        normal[:2] /= np.sqrt(np.maximum(offset2, 1.0))
+    normal[2] = np.sqrt(np.maximum(1.0 - offset2, 0.0))
+    vectors = np.moveaxis(normal, 0, -1)
+    return Surface(normal=vectors, view=np.broadcast_to((0.0, 0.0, 1.0), vectors.shape), offset2=offset2)
 
 
 def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surface:
     rays = _rays(camera, x, y)
     centre = centre_position(camera, sphere)
     along = rays @ centre
-    discriminant = along * along - (centre @ centre - 1.0)
-    points = (along - np.sqrt(np.maximum(discriminant, 0.0)))[..., None] * rays - centre
+    offset2 = centre @ centre - along * along
+    points = (along - np.sqrt(np.maximum(1.0 - offset2, 0.0)))[..., None] * rays - centre
     normal = points / np.linalg.norm(points, axis=-1, keepdims=True)
-    return Surface(normal=normal, view=-rays, on_sphere=discriminant > 0.0)
+    return Surface(normal=normal, view=-rays, offset2=offset2)
 
 
 def _rays(camera: Camera, x: Floats, y: Floats) -> Floats:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.geometry.sphere import sight_offset, surface
+from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, LinearImage, Scene
 from toolkit.reflectance.cosines import dots
 
 from .cells import SIDE_X, SIDE_Y, Cells, ChannelCells
-from .pyramid import Centroid, Grid, Level, Mask, Rows, grid_of, pyramid
+from .pyramid import Blocks, Centroid, Grid, Level, Mask, grid_of, pyramid
 
 SMOOTH_RAD = 0.16  # widest cell, as the angle its normals span where the surface faces the camera
 LIMB_POWER = 1.5  # of n.v, by which cells grow narrower: one for foreshortening, the rest since n itself curves there
@@ -32,7 +32,7 @@ NEARNESS_SD = 0.02  # prior of 1 / distance (per sphere radius) of a light calle
 STEEPEST = 10.0  # of n.l over a step across the image, in radii, between a usable sample and its block's centre
 WARY_SDS = 3.0  # of the calibration, by which limb and terminator may lie elsewhere
 
-HALVES_X, HALVES_Y = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])  # of a block, its four quarters
+QUARTERS = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])  # of a block, rows and columns
 
 
 def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cells:
@@ -45,57 +45,73 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     step = image.planes[0].step_px
     levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
     grid = grid_of(image.planes, levels)
-    row, column = (index.ravel() for index in np.indices([n // 2**levels for n in grid.value.shape[1:]]))
+    blocks = np.indices([-(-n // 2**levels) for n in grid.size]).reshape(2, -1)
     found, wary = [], _wary(scene)
     for level in reversed(pyramid(grid, levels)):
-        here, row, column = _cells_of(grid, level, scene, wary, row, column, finest_rad)
+        here, divided = _cells_of(grid, level, scene, wary, blocks, finest_rad)
         found.append(here)
-        row, column = (2 * row[:, None] + HALVES_Y).ravel(), (2 * column[:, None] + HALVES_X).ravel()
-    cells = _cells(grid, *(np.concatenate(part, axis=-1) for part in zip(*found, strict=True)))
+        blocks = (2 * divided[:, None] + QUARTERS[..., None]).reshape(2, -1)
+    cells = _cells(grid, found)
     if not all(np.isfinite(data.value).all() for data in cells.channels):
         raise ValueError(f"{image.name} has NaN or infinite samples on the sphere; expected them flagged INVALID")
     return cells
 
 
-_Found = tuple[Floats, Floats, Floats, Floats, Mask, Mask]  # place x, y, side; means and slopes, good, censored
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """The n cells of one size."""
+
+    side: int
+    places: Floats  # (2, n), x and y in pixels
+    moments: Floats  # (3, 3, n), as by `Level.moments`
+    good: Mask  # (3, n), where each channel is told of
+    censored: Mask  # (3, n), of those the clipped ones
 
 
 def _cells_of(
-    grid: Grid, level: Level, scene: Scene, wary: _Wary, row: Rows, column: Rows, finest_rad: float
-) -> tuple[_Found, Rows, Rows]:
-    """Of some blocks those that are cells, and rows and columns of those that are worth dividing."""
-    side, last, width = level.side, level.side == 1, level.side * grid.step_px
-    x = grid.origin_px[0] + grid.step_px * (column * side + (side - 1) / 2)
-    y = grid.origin_px[1] + grid.step_px * (row * side + (side - 1) / 2)
-    aside = sight_offset(scene.camera, scene.sphere, x, y)
-    across = 0.0 if last else width / scene.sphere.radius_px  # of a block's half diagonal: no more, at any focal length
-    lit, allowed = _light_on(scene, wary, x, y, finest_rad, last=last)
-    spoiled = level.spoiled(row, column)
-    keep, coarse = (aside < wary.furthest) & (lit > 0.0), np.zeros(len(x), bool)
-    if not last:
-        coarse = (width > allowed) | spoiled.any(axis=0)
-        keep &= ~coarse
-    worth = coarse & (aside < wary.furthest + across) & (lit > -STEEPEST * across)
-    here, divided = np.flatnonzero(keep), np.flatnonzero(worth)
-    bound = np.zeros((3, len(here)), bool)
+    grid: Grid, level: Level, scene: Scene, wary: _Wary, blocks: Blocks, finest_rad: float
+) -> tuple[_Found, Blocks]:
+    """Of some blocks those that are cells, and those that are worth dividing."""
+    last, width = level.side == 1, level.side * grid.step_px
+    first = np.array(grid.origin_px) + 0.5 * (width - grid.step_px)
+    places = width * blocks[::-1] + first[:, None]
+    seen, bound = surface(scene.camera, scene.sphere, *places), np.zeros((3, blocks.shape[1]), bool)
     if last and grid.clipped is not None:
-        bound = grid.clipped[:, row[here], column[here]]
-    told = level.told(row[here], column[here])
-    found = x[here], y[here], np.full(len(here), float(side)), told, ~spoiled[:, here] | bound, bound
-    return found, row[divided], column[divided]
+        bound = grid.clipped[:, *blocks]
+    good = ~level.spoiled(blocks) | bound
+    lit, allowed = _light_on(scene, wary, seen, finest_rad, last=last)
+    keep, worth = (seen.offset2 < wary.furthest**2) & (lit > 0.0), np.zeros(len(lit), bool)
+    if last:
+        keep &= good.any(axis=0)
+    else:
+        coarse = (width > allowed) | ~good.all(axis=0)
+        keep &= ~coarse
+        across = width / scene.sphere.radius_px  # of a block's half diagonal: no more, at any focal length
+        worth = coarse & (seen.offset2 < (wary.furthest + across) ** 2) & (lit > -STEEPEST * across)
+    here = np.flatnonzero(keep)
+    found = _Found(
+        side=level.side,
+        places=places.take(here, axis=1),
+        moments=level.moments(blocks.take(here, axis=1)),
+        good=good.take(here, axis=1),
+        censored=bound.take(here, axis=1),
+    )
+    return found, blocks.take(np.flatnonzero(worth), axis=1)
 
 
-def _cells(grid: Grid, x: Floats, y: Floats, side: Floats, data: Floats, good: Mask, censored: Mask) -> Cells:
-    """`data` (3, 3, N): of each channel the mean, and the slopes along x and y from one pixel or quad to the next."""
+def _cells(grid: Grid, found: list[_Found]) -> Cells:
+    """All of them, the largest first. What depends on a cell's size alone is worked out once a size."""
+    sizes, side = [one.places.shape[1] for one in found], np.array([float(one.side) for one in found])
     sets = list(dict.fromkeys(grid.centroids))
-    spreads = np.array([_spreads(one, grid.step_px, side) for one in sets])  # (S, 2, N)
-    apart = spreads[:, np.where(SIDE_X == SIDE_Y, 0, 1)[:, 0]]
-    place_x, place_y = np.array([(one.x_px, one.y_px) for one in sets]).T[:, :, None, None]
-    scales, every = [_Scale.of(one, grid.step_px, side) for one in spreads], np.tile(np.arange(len(x)), 3)
-    channels = []
+    shares = [_Share.of(one, grid.step_px, side) for one in sets]
+    x, y = np.concatenate([one.places for one in found], axis=1)
+    good, censored = (np.concatenate(part, axis=1) for part in zip(*((f.good, f.censored) for f in found), strict=True))
+    every, channels = np.tile(np.arange(len(x)), 3), []
     for c, centroid in enumerate(grid.centroids):
         kept, place = np.flatnonzero(good[c]), sets.index(centroid)
-        values, counts = _told(data[c], scales[place]), grid.samples[c] * scales[place].counts
+        turns = zip(shares[place].turn, found, strict=True)
+        values = np.concatenate([turn @ one.moments[c] for turn, one in turns], axis=1)
+        counts = np.repeat(grid.samples[c] * shares[place].counts, sizes, axis=1)
         whole = len(kept) == len(x)
         channels.append(
             ChannelCells(
@@ -109,46 +125,43 @@ def _cells(grid: Grid, x: Floats, y: Floats, side: Floats, data: Floats, good: M
     return Cells(
         x_px=x,
         y_px=y,
-        node_x_px=x + place_x + SIDE_X * apart,
-        node_y_px=y + place_y + SIDE_Y * apart,
+        node_x_px=x + np.repeat([one.node_x_px for one in shares], sizes, axis=-1),
+        node_y_px=y + np.repeat([one.node_y_px for one in shares], sizes, axis=-1),
         channels=(channels[0], channels[1], channels[2]),
     )
 
 
-def _spreads(centroid: Centroid, step_px: int, side: Floats) -> tuple[Floats, Floats]:
-    """How far the nodes on the falling and on the rising diagonal lie from their centre, along x and along y (N,).
-
-    So they share the second moments of the samples' places and of the pixel's own box.
-    """
-    second = (step_px**2 * (side**2 - 1.0) + 1.0) / 12.0 + centroid.variance_px2
-    return np.sqrt(second + centroid.product_px2), np.sqrt(second - centroid.product_px2)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Scale:
-    """Of one set of nodes, what turns slopes from one pixel or quad to the next into those over the nodes (N,)."""
+class _Share:
+    """What cells of L sizes have in common, for one set of nodes."""
 
-    same: Floats  # along the same axis
-    other: Floats  # along the other one
-    counts: Floats  # (3, N), for how many samples of a channel with one a quad the mean and the slopes stand
+    node_x_px: Floats  # (4, L), the nodes' places about the cell's own
+    node_y_px: Floats
+    turn: Floats  # (L, 3, 3), from a cell's moments to its mean and its slopes over the nodes
+    counts: Floats  # (3, L), for how many samples of a channel with one a quad the mean and the slopes stand
 
     @classmethod
-    def of(cls, spreads: Floats, step_px: int, side: Floats) -> _Scale:
-        share = step_px**2 * (side**2 - 1.0) / 12.0 / np.mean(spreads**2, axis=0)
+    def of(cls, centroid: Centroid, step_px: int, side: Floats) -> _Share:
+        """The nodes share the second moments of the samples' places and of the pixel's own box.
+
+        They spread otherwise along the falling and the rising diagonal where the places of a quad's samples do.
+        """
+        within = step_px**2 * (side**2 - 1.0) / 12.0
+        second = within + 1.0 / 12.0 + centroid.variance_px2
+        falling, rising = np.sqrt(second + centroid.product_px2), np.sqrt(second - centroid.product_px2)
+        apart = np.where(SIDE_X == SIDE_Y, falling, rising)
+        slope = 12.0 / (side**2 * np.maximum(side**2 - 1.0, 1.0)) / step_px  # from a moment to the plane's, a pixel
+        turn = np.zeros((len(side), 3, 3))
+        turn[:, 0, 0] = 1.0 / side**2
+        turn[:, 1, 1] = turn[:, 2, 2] = 0.5 * (falling + rising) * slope
+        turn[:, 1, 2] = turn[:, 2, 1] = 0.5 * (falling - rising) * slope
+        share = within / second
         return cls(
-            same=0.5 * (spreads[0] + spreads[1]) / step_px,
-            other=0.5 * (spreads[0] - spreads[1]) / step_px,
+            node_x_px=centroid.x_px + SIDE_X * apart,
+            node_y_px=centroid.y_px + SIDE_Y * apart,
+            turn=turn,
             counts=side**2 * np.stack([np.ones(len(side)), share, share]),
         )
-
-
-def _told(data: Floats, scale: _Scale) -> Floats:
-    """Means and slopes (3, N) as the nodes give them."""
-    values = np.empty(data.shape)
-    values[0], values[1:] = data[0], scale.same * data[1:]
-    if scale.other.any():
-        values[1:] += scale.other * data[:0:-1]
-    return values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,16 +181,12 @@ def _wary(scene: Scene) -> _Wary:
     )
 
 
-def _light_on(
-    scene: Scene, wary: _Wary, x: Floats, y: Floats, finest_rad: float, *, last: bool
-) -> tuple[Floats, Floats]:
+def _light_on(scene: Scene, wary: _Wary, seen: Surface, finest_rad: float, *, last: bool) -> tuple[Floats, Floats]:
     """At each place the largest n.l by which it is safely lit, and the widest cell allowed there in pixels.
 
     Of the `last` level, which is not divided any more, the width is not asked for.
     """
-    seen, radius = surface(scene.camera, scene.sphere, x, y), scene.sphere.radius_px
-    width_rad = np.full(len(x), SMOOTH_RAD)
-    lit = np.full(len(x), -1.0)
+    lit, width_rad = np.full((2, len(seen.normal)), [[-1.0], [SMOOTH_RAD]])
     for light, dark in zip(scene.lights, wary.dark, strict=True):
         n_dot_l, n_dot_v, l_dot_v = dots(seen.normal, light.at(seen.normal)[0], seen.view)
         lit = np.maximum(lit, n_dot_l - dark)
@@ -188,13 +197,14 @@ def _light_on(
             width_rad = np.minimum(width_rad, TERMINATOR * np.maximum(np.abs(n_dot_l), TERMINATOR_RAD))
     if last:
         return lit, width_rad
-    return lit, radius * np.maximum(n_dot_v, MIN_N_DOT_V) ** LIMB_POWER * width_rad
+    return lit, scene.sphere.radius_px * np.maximum(n_dot_v, MIN_N_DOT_V) ** LIMB_POWER * width_rad
 
 
 def _place_sd_px(scene: Scene) -> float:
     """Sd of the outline's place where it is largest."""
-    covariance = np.asarray(scene.sphere.covariance_px2)
-    return float(np.sqrt(max(np.linalg.eigvalsh(covariance[:2, :2])[-1] + covariance[2, 2], 0.0)))
+    (xx, xy, _), (_, yy, _), (_, _, radius2) = np.asarray(scene.sphere.covariance_px2)
+    widest2 = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)  # the larger eigenvalue
+    return float(np.sqrt(max(widest2 + radius2, 0.0)))
 
 
 def _terminator_sd_rad(light: Light) -> float:

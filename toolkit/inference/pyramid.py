@@ -6,6 +6,7 @@ photographs that were cut to their sphere, no pass is made over flags at all.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,7 +19,7 @@ from toolkit.records import Floats, Plane
 MOMENTS_FROM = 8  # pixels or quads on a side of the smallest blocks whose moments are worked out all over the image
 
 Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
+Blocks = NDArray[np.intp]  # (2, n), rows and columns of blocks, counted in their own size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,16 +34,21 @@ class Centroid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Per channel the mean value of each pixel or quad, filled up to whole blocks; and which are flagged, if any is."""
+    """Per channel the mean value of each pixel or quad; and which are flagged, if any is, filled up to whole blocks."""
 
-    value: NDArray[np.float32]  # (3, H, W)
+    value: tuple[NDArray[np.float32], ...]  # (H, W) of each channel
     bad: Mask | None  # (3, H, W)
     clipped: Mask | None  # (3, H, W), of the bad ones those that are so only by being clipped
-    size: tuple[int, int]  # height and width without what was filled up
     samples: tuple[int, int, int]  # of each channel in one pixel or quad
     centroids: tuple[Centroid, Centroid, Centroid]  # of each channel's samples in a pixel or quad
     origin_px: tuple[float, float]
     step_px: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width in pixels or quads."""
+        height, width = self.value[0].shape
+        return height, width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,34 +57,35 @@ class Level:
 
     side: int
     part: int
-    sums: NDArray[np.float32]  # (3, 3, h, w): of the samples, of x times them, of y times them; single ones' own only
+    sums: Sequence[NDArray[np.float32]]  # (m, h, w) of each channel: of samples, m = 1; of x and y times them as well
     bad: Mask | None
     size: tuple[int, int]  # of the photograph, in pixels or quads
 
-    def told(self, row: Rows, column: Rows) -> Floats:
-        """Of some blocks (3, 3, n): each channel's mean, and the slopes of its best plane along x and y, in steps."""
-        width, count = self.sums.shape[-1], self.side // self.part
-        down, along = np.divmod(np.arange(count**2), count)
-        first = (row * width + column) * count
-        parts = self.sums.reshape(len(self.sums) * 3, -1).take(first[:, None] + down * width + along, axis=1)
-        if len(self.sums) > 1:  # moments of blocks: one part each
-            result = parts.reshape(3, 3, -1).swapaxes(0, 1).astype(float)
-        else:
-            middle = (count - 1) / 2
-            weight = np.stack([np.ones(count**2), along - middle, down - middle], axis=1).astype(np.float32)
-            result = (parts @ weight).swapaxes(1, 2).astype(float)
-        result /= self.side**2
-        result[:, 1:] *= 12.0 / max(self.side**2 - 1.0, 1.0)
-        return np.asarray(result)
+    def moments(self, blocks: Blocks) -> Floats:
+        """Of some whole blocks (3, 3, n): of each channel the sum of its samples, of x and of y times them.
 
-    def spoiled(self, row: Rows, column: Rows) -> Mask:
-        """Whether blocks hold anything flagged or reach over the edge, per channel (3, n)."""
+        Places are in pixels or quads from the block's middle.
+        """
+        row, column = blocks
+        width, count = self.sums[0].shape[-1], self.side // self.part
+        first, table = (row * width + column) * count, [sums.reshape(len(sums), -1) for sums in self.sums]
+        if self.part > 1:
+            return np.array([sums.take(first, axis=1) for sums in table], float)
+        down, along = np.indices((count, count)).reshape(2, -1)
+        middle = (count - 1) / 2
+        weight = np.array([np.ones(count**2), along - middle, down - middle], np.float32)
+        places = first + (down * width + along)[:, None]
+        return np.array([weight @ sums[0].take(places) for sums in table], float)
+
+    def spoiled(self, blocks: Blocks) -> Mask:
+        """Whether blocks hold anything flagged or reach over the edge: per channel (3, n), (1, n) if alike in all."""
+        row, column = blocks
         over = ((row + 1) * self.side > self.size[0]) | ((column + 1) * self.side > self.size[1])
-        return np.broadcast_to(over, (3, len(row))) if self.bad is None else over | self.bad[:, row, column]
+        return np.asarray(over[None] if self.bad is None else over | self.bad[:, row, column])
 
 
 def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
-    """One grid of all planes, its sides whole blocks of 2^levels."""
+    """One grid of all planes; its flags are filled up to whole blocks of 2^levels."""
     height = min(plane.values.shape[0] for plane in planes)
     width = min(plane.values.shape[1] for plane in planes)
     corner = np.min([plane.origin_px for plane in planes], axis=0)
@@ -91,10 +98,9 @@ def grid_of(planes: tuple[Plane, ...], levels: int) -> Grid:
         centroids.append(_centroid(mine, float(centre[0]), float(centre[1])))
     bad, clipped = _flags(planes, height, width, 2**levels)
     return Grid(
-        value=_values(planes, height, width, 2**levels),
+        value=tuple(_mean([p.values[:height, :width] for p in planes if p.channel == c]) for c in range(3)),
         bad=bad,
         clipped=clipped,
-        size=(height, width),
         samples=(samples[0], samples[1], samples[2]),
         centroids=(centroids[0], centroids[1], centroids[2]),
         origin_px=(float(centre[0]), float(centre[1])),
@@ -114,19 +120,15 @@ def _centroid(places_px: tuple[tuple[float, float], ...], x_px: float, y_px: flo
     )
 
 
-def _values(planes: tuple[Plane, ...], height: int, width: int, block: int) -> NDArray[np.float32]:
-    value = np.empty((3, height + -height % block, width + -width % block), np.float32)
-    value[:, height:], value[:, :, width:] = 0.0, 0.0
-    for c in range(3):
-        here, mine = value[c, :height, :width], [p.values[:height, :width] for p in planes if p.channel == c]
-        if len(mine) == 1:
-            here[...] = mine[0]
-        else:
-            np.add(mine[0], mine[1], out=here)
-            for more in mine[2:]:
-                here += more
-            here *= np.float32(1 / len(mine))
-    return value
+def _mean(values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """The mean of planes of one channel; a single one as it is."""
+    if len(values) == 1:
+        return np.ascontiguousarray(values[0])
+    total = values[0] + values[1]
+    for more in values[2:]:
+        total += more
+    total *= np.float32(1 / len(values))
+    return total
 
 
 def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tuple[Mask | None, Mask | None]:
@@ -145,35 +147,42 @@ def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tu
 
 def pyramid(grid: Grid, levels: int) -> list[Level]:
     """Blocks of 1, 2 x 2, 4 x 4 ... up to 2^levels: the small ones by their pixels, the others by their own moments."""
-    found = [Level(side=1, part=1, sums=grid.value[None], bad=grid.bad, size=grid.size)]
+    single = [value[None] for value in grid.value]
+    found = [Level(side=1, part=1, sums=single, bad=grid.bad, size=grid.size)]
     for level in range(1, levels + 1):
-        side, bad = 2**level, found[-1].bad
+        before, side = found[-1], 2**level
+        part, sums, bad = 1, before.sums, before.bad
+        if side == MOMENTS_FROM:
+            part, sums = side, [_moments(value) for value in grid.value]
+        elif side > MOMENTS_FROM:
+            part, sums = side, [_paired(three, before.side) for three in before.sums]
         if bad is not None:
             bad = bad[:, ::2] | bad[:, 1::2]
             bad = bad[..., ::2] | bad[..., 1::2]
-        sums, part = found[0].sums, 1
-        if side >= MOMENTS_FROM:
-            sums, part = _moments(grid.value) if side == MOMENTS_FROM else _paired(found[-1]), side
         found.append(Level(side=side, part=part, sums=sums, bad=bad, size=grid.size))
     return found
 
 
 def _moments(value: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Sums and first moments of blocks of MOMENTS_FROM on a side: two products of matrices, one pass over pixels."""
-    side, (_, height, width) = MOMENTS_FROM, value.shape
-    weight = np.stack([np.ones(side), np.arange(side) - (side - 1) / 2]).astype(np.float32)
-    rows = weight @ value.reshape(3, height // side, side, width)
-    both = rows.reshape(3, height // side, 2, width // side, side) @ weight.T
-    return np.stack([both[:, :, 0, :, 0], both[:, :, 0, :, 1], both[:, :, 1, :, 0]])
+    """Of whole blocks of MOMENTS_FROM on a side (3, h, w): the sum of their samples, of x and of y times them.
+
+    Two products of matrices, one pass over the pixels.
+    """
+    side = MOMENTS_FROM
+    height, width = (n // side for n in value.shape)
+    weight = np.array([np.ones(side), np.arange(side) - (side - 1) / 2], np.float32)
+    rows = weight @ value[: height * side].reshape(height, side, -1)[..., : width * side]
+    both = (rows.reshape(-1, side) @ weight.T).reshape(height, 2, width, 2)
+    return np.stack([both[:, 0, :, 0], both[:, 0, :, 1], both[:, 1, :, 0]])
 
 
-def _paired(level: Level) -> NDArray[np.float32]:
-    """Sums and first moments of blocks twice as wide: the parts' own, and their places times their sums."""
-    sums, reach = level.sums, np.float32(level.side / 2)
-    columns = sums[..., ::2, :] + sums[..., 1::2, :]
-    down = sums[0, :, 1::2] - sums[0, :, ::2]
+def _paired(sums: NDArray[np.float32], side: int) -> NDArray[np.float32]:
+    """The same of blocks twice as wide as those of `side`: the parts' own, and their places times their sums."""
+    height, width = (n // 2 * 2 for n in sums.shape[1:])
+    reach, above, below = np.float32(side / 2), sums[:, :height:2, :width], sums[:, 1:height:2, :width]
+    columns, down = above + below, below[0] - above[0]
     left, right = columns[..., ::2], columns[..., 1::2]
     result = left + right
     result[1] += reach * (right[0] - left[0])
-    result[2] += reach * (down[..., ::2] + down[..., 1::2])
+    result[2] += reach * (down[:, ::2] + down[:, 1::2])
     return np.asarray(result)

@@ -99,8 +99,14 @@ def once(values: Floats) -> Floats:
 
 def dots(normal: Floats, light: Floats, view: Floats) -> tuple[Floats, Floats, Floats]:
     """n.l, n.v and l.v of unit vectors (..., 3), not clipped; of vectors that are repeated everywhere once only."""
-    n, to_light, to_view = (parts_of(vectors) for vectors in (normal, light, view))
-    return dot(n, to_light), dot(n, to_view), dot(to_light, to_view)
+    return _products(normal, light), _products(normal, view), _products(light, view)
+
+
+def _products(vectors: Floats, others: Floats) -> Floats:
+    """Scalar products of vectors (..., 3); with one that is repeated everywhere as a product of matrices."""
+    if any(others.strides[:-1]):
+        return dot(parts_of(vectors), parts_of(others))
+    return np.asarray(_first(vectors) @ others[(0,) * (others.ndim - 1)])
 
 
 def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats]) -> tuple[Floats, ...]:
@@ -123,9 +129,13 @@ def dot(p: Sequence[Any], q: Sequence[Any]) -> Floats:
 
 def parts_of(vectors: Floats) -> tuple[Floats, Floats, Floats]:
     """Components; of one vector that is repeated everywhere, as of a far light, once only."""
-    if not any(vectors.strides[:-1]):
-        vectors = vectors[(slice(1),) * (vectors.ndim - 1)]
+    vectors = _first(vectors)
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
+
+
+def _first(vectors: Floats) -> Floats:
+    """Vectors (..., 3); one that is repeated everywhere once only, with as many axes."""
+    return vectors if any(vectors.strides[:-1]) else vectors[(slice(1),) * (vectors.ndim - 1)]
 
 
 def _sum_of_squares(x: Floats, y: Floats, z: Floats) -> Floats:
