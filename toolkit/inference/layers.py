@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,8 +92,7 @@ def layers_of(
     seen = on_sphere(fit.scene.camera, fit.scene.sphere, x[None, :], y[:, None])
     diffuse, specular = _pictures(fit, x, y, seen)
     if places_px is not None:
-        for layer in (diffuse, specular):
-            _move_to(places_px / step_px, layer)
+        diffuse, specular = (_moved(places_px / step_px, layer) for layer in (diffuse, specular))
     if fit.scene.camera.blur_px2 > 0.0:
         specular = _blurred(specular, float(np.sqrt(fit.scene.camera.blur_px2)) / step_px)
     photograph, pedestal = np.asarray(picture, np.float32), np.asarray(fit.colours["pedestal"])
@@ -112,16 +112,29 @@ def layers_of(
 
 
 def _pictures(fit: Fit, x: Floats, y: Floats, seen: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """The two layers (3, h, w), a few lines of the picture at a time; each channel lies together in memory."""
+    """The two layers (3, h, w), a few lines of the picture at a time; each channel lies together in memory.
+
+    A line's places off the sphere are predicted as the sphere's nearest on it, so that numbers stay in their rows.
+    """
     diffuse, specular = np.full((2, 3, *seen.shape), np.nan, np.float32)
-    lines, middle = max(CHUNK // seen.shape[1], 1), mirror_cosine(fit.scene, fit.scene.lights[0])
-    for start in range(0, len(y), lines):
-        part = slice(start, start + lines)
-        row, column = np.nonzero(seen[part])
-        for layer, values in zip((diffuse, specular), _predict(fit, x[column], y[part][row], middle), strict=True):
-            for channel, its in zip(layer, values, strict=True):
-                np.place(channel[part], seen[part], its.astype(np.float32))
+    nothing = np.where(seen, np.float32(0), np.float32(np.nan))
+    first, last = seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
+    middle = mirror_cosine(fit.scene, fit.scene.lights[0])
+    for rows in _bands(np.flatnonzero(seen.any(axis=1)), seen.shape[1]):
+        columns = slice(int(first[rows].min()), int(last[rows].max()) + 1)
+        across = np.clip(x[columns], x[first[rows], None], x[last[rows], None])
+        down = np.broadcast_to(y[rows, None], across.shape)
+        part = slice(None), rows, columns
+        for layer, values in zip((diffuse, specular), _predict(fit, across.ravel(), down.ravel(), middle), strict=True):
+            np.add(values.reshape(3, *across.shape), nothing[rows, columns], out=layer[part], casting="same_kind")
     return diffuse, specular
+
+
+def _bands(lines: NDArray[np.intp], width: int) -> Iterator[slice]:
+    """Lines of a picture, from the first to the last of `lines`, as many at a time as CHUNK samples are."""
+    many = max(CHUNK // width, 1)
+    for start in range(int(lines[0]), int(lines[-1]) + 1, many) if len(lines) else ():
+        yield slice(start, min(start + many, int(lines[-1]) + 1))
 
 
 def _blurred(layer: Floats, sd: float) -> Floats:
@@ -132,13 +145,17 @@ def _blurred(layer: Floats, sd: float) -> Floats:
     return np.where(np.isfinite(layer), np.array(dark), layer)
 
 
-def _move_to(places: Floats, layer: Floats) -> None:
-    """Move the layer (3, h, w) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
-    for channel, (dx, dy) in zip(layer, places.astype(np.float32), strict=True):
-        if dx or dy:
-            aside = channel.copy()
-            for step, across, to in ((dx, channel.T, aside.T), (dy, channel, aside)):
-                to[1:-1] += (0.5 * step) * (across[2:] - across[:-2])
-                to[[0, -1]] += step * (across[[1, -1]] - across[[0, -2]])
+def _moved(places: Floats, layer: Floats) -> Floats:
+    """The layer (3, h, w) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
+    moved = layer.copy()
+    lines = max(CHUNK // layer.shape[2], 2)
+    for channel, to, (dx, dy) in zip(layer, moved, places.astype(np.float32), strict=True):
+        for start in range(0, len(channel) if dx or dy else 0, lines):
+            above = min(start, 1)  # a line more to either side tells the slope
+            here = channel[start - above : start + lines + 1]
+            rise, across = np.gradient(here)
+            aside = here + dx * across + dy * rise
             np.maximum(aside, 0, out=aside)
-            np.copyto(channel, aside, where=~np.isnan(aside))
+            inner = slice(above, above + lines)
+            np.copyto(to[start : start + lines], aside[inner], where=~np.isnan(aside[inner]))
+    return moved
