@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from . import batch, inference, isolation, lobes, outline, series, validation, whole
+from . import batch, inference, isolation, joint, lobes, outline, series, validation, whole
 
 
 def main() -> int:
     """Print all tables; 1 where a target is missed."""
     rows: list[dict[str, Any]] = []
-    for module in (lobes, inference, isolation, outline, whole, batch, series, validation):
+    for module in (lobes, inference, joint, isolation, outline, whole, batch, series, validation):
         rows += module.main()
     path = Path("build/bench.json")
     path.parent.mkdir(exist_ok=True)

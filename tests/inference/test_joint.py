@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from synthetic.camera import exposure_for
 from synthetic.materials import material
@@ -14,10 +15,14 @@ from synthetic.render import render
 from synthetic.scenes import exposed
 from tests.inference.ball import BODY, NOISE, photograph, replace_light, scene_of
 from toolkit.flags import Flag
+from toolkit.inference.descend import project
 from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.joint import of_photograph
 from toolkit.inference.layers import predict
 from toolkit.inference.model import Model
+from toolkit.inference.nuisances import shifts_of_all
+from toolkit.inference.problem import pose_views
+from toolkit.inference.settle import fit_with_shifts
 from toolkit.inference.views import View
 from toolkit.records import Estimate, Fit, Floats, Scene
 
@@ -127,3 +132,24 @@ def test_an_irradiance_known_with_an_error_is_found_beside_the_others() -> None:
     assert np.all(np.abs(np.asarray(albedo.estimate) - BODY) < 2.0 * np.asarray(albedo.sd))
     wrong = estimate(bent, "diffuse_albedo")
     assert np.all(np.abs(np.asarray(wrong.estimate) - BODY) > 4.0 * np.asarray(wrong.sd))
+
+
+def test_normal_equations_are_those_of_every_photographs_own_slopes() -> None:
+    """Sums over each channel's data of its slopes times their weights, and the priors, make the fit's own matrix.
+
+    The control: a photograph says nothing of another one's calibration.
+    """
+    pair = views(20.0, 70.0, seed=5, known=True, size_px=120)
+    shifts = shifts_of_all([view.scene for view in pair])
+    optimum, _ = fit_with_shifts(pose_views(Model.named("ggx", "lambert", EXACT), pair), shifts)
+    problem = optimum.problem
+    here = project(problem, optimum.at, optimum.weights, optimum.columns)
+    optimum = replace(optimum, x=here.x, joint=here.joint.matrix)
+    expected = block_diag(problem.prior.precision, np.diag(problem.shape_precision))
+    for c, w in enumerate(optimum.weights.weights):
+        index, slopes = optimum.slopes(c)
+        expected[np.ix_(index, index)] += w.times(slopes) @ slopes.T
+    scale = 1.0 / np.sqrt(np.diag(expected))
+    assert np.abs((optimum.joint - expected) * scale * scale[:, None]).max() < 1e-9
+    first, second = (optimum.own(v)[(optimum.own(v) >= len(problem.layout.names))] for v in (0, 1))
+    assert not np.any(optimum.joint[np.ix_(first[:-1], second[:-1])])  # the last one is the shape, which is shared

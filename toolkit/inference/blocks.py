@@ -25,9 +25,12 @@ COUNT = (len(RINGS_RAD) + 1) * SECTORS
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Blocks:
-    """Per block the information (B, P, P) and the score (B, P) of all unknowns, and its own log density (B,)."""
+    """Per block, of one photograph after the other, what it says: its score (B, P) of all unknowns, its own log density
+    (B,), and its information of those unknowns `own` (p,) that its photograph depends on, (COUNT, p, p) a photograph.
+    """
 
-    information: Floats
+    own: tuple[NDArray[np.intp], ...]
+    information: tuple[Floats, ...]
     score: Floats
     density: Floats
 
@@ -52,24 +55,27 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
 
     `blocks`, one a photograph, (N,) is the block of every cell; those of several photographs follow each other.
     """
-    size, count = len(optimum.joint), COUNT * len(blocks)
-    information, score, density = np.zeros((count, size, size)), np.zeros((count, size)), np.zeros(count)
+    count = COUNT * len(blocks)
+    own = tuple(optimum.own(v) for v in range(len(blocks)))
+    information = tuple(np.zeros((COUNT, len(mine), len(mine))) for mine in own)
+    score, density = np.zeros((count, len(optimum.joint))), np.zeros(count)
     for c, (data, w) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
-        counted, first = np.flatnonzero(w.each), COUNT * (c // 3)
-        there = blocks[c // 3][data.rows[counted]].astype(np.int16)  # which numpy sorts by their digits
+        photograph, counted = c // 3, np.flatnonzero(w.each)
+        there = blocks[photograph][data.rows[counted]].astype(np.int16)  # which numpy sorts by their digits
         sorting = np.argsort(there, kind="stable")
         order, edges = counted[sorting], np.searchsorted(there[sorting], np.arange(COUNT + 1))
         index, slopes = optimum.slopes(c)
+        place = np.searchsorted(own[photograph], index)
         rows = w.apart(np.concatenate([slopes, data.value[None] - optimum.predicted[c]])).take(order, axis=1)
         each = w.each[order]
         weighted, logs = rows * each, np.log(each / (2 * np.pi))
-        for b, (start, end) in enumerate(pairwise(edges), start=first):
-            mine = slice(start, end)
+        for b, (start, end) in enumerate(pairwise(edges)):
+            mine, whole = slice(start, end), COUNT * photograph + b
             sums = weighted[:, mine] @ rows[:, mine].T  # of the slopes, and of what is left, with each other
-            information[b][index[:, None], index] += sums[:-1, :-1]
-            score[b, index] += sums[:-1, -1]
-            density[b] += 0.5 * (logs[mine].sum() - sums[-1, -1])
-    return Blocks(information=information, score=score, density=density)
+            information[photograph][b][place[:, None], place] += sums[:-1, :-1]
+            score[whole, index] += sums[:-1, -1]
+            density[whole] += 0.5 * (logs[mine].sum() - sums[-1, -1])
+    return Blocks(own=own, information=information, score=score, density=density)
 
 
 def scores_of(optimum: Optimum, *blocks: NDArray[np.intp]) -> Floats:

@@ -11,8 +11,8 @@ import numpy as np
 
 from toolkit.records import Fit, Floats
 
-from .blocks import Blocks
-from .normal import inverse
+from .blocks import COUNT, Blocks
+from .normal import inverse, marginal
 from .problem import Optimum
 
 DECIDED_SD = 2.0  # a model is preferred where its lead exceeds its own sd this many times
@@ -22,8 +22,13 @@ LEAST_LEAD = 4.0  # nats: a smaller lead decides nothing, its own sd is not to b
 
 def elpd_blocks(optimum: Optimum, blocks: Blocks) -> Floats:
     """Log predictive density of each block's cell means given all other blocks (B,)."""
-    parts, covariance = zip(blocks.information, blocks.score, blocks.density, strict=True), inverse(optimum.joint)
-    return np.array([_without(optimum.joint, covariance, *part) for part in parts])
+    covariance, found = inverse(optimum.joint), []
+    for v, (own, informations) in enumerate(zip(blocks.own, blocks.information, strict=True)):
+        mine = slice(COUNT * v, COUNT * (v + 1))
+        joint, of_all = marginal(optimum.joint, own), covariance[own[:, None], own]
+        parts = zip(informations, blocks.score[mine, own], blocks.density[mine], strict=True)
+        found += [_without(joint, of_all, *part) for part in parts]
+    return np.array(found)
 
 
 def _without(joint: Floats, of_all: Floats, information: Floats, score: Floats, plain: float) -> float:

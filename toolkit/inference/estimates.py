@@ -182,7 +182,7 @@ def statistical_sds(optimum: Optimum) -> dict[str, Floats]:
     named = len(problem.layout.names)
     keep = np.r_[0:named, problem.layout.size : len(optimum.joint)]
     sd = np.sqrt(np.maximum(np.diag(inverse(optimum.joint[np.ix_(keep, keep)])), 0.0))
-    linear = np.concatenate([sd[:named], np.zeros(problem.layout.extras)])
+    linear = np.concatenate([sd[:named], np.zeros(problem.layout.size - named)])
     result: dict[str, Floats] = {}
     shape = problem.model.natural(optimum.u)
     for d, p in enumerate(problem.model.parameters):

@@ -5,7 +5,9 @@ The channels of several photographs of one material stand side by side: three of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +25,22 @@ SHARED = frozenset({"specular_scale"})  # one number for all channels, whatever 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Layout:
-    """Which global coefficient each channel's columns belong to; extra columns, shared by all channels, follow."""
+    """Which global coefficient each channel's columns belong to; extra columns, of each photograph's own, follow."""
 
     names: tuple[tuple[str, int | None], ...]  # (name, channel), channel None where shared
     index: tuple[NDArray[np.intp], ...]  # per channel, global index of each of its columns
-    extras: int  # how many shared columns follow the named ones
+    extras: tuple[slice, ...]  # per channel, where its further columns are: those of its photograph
 
     @property
     def size(self) -> int:
         """Number of linear unknowns."""
-        return len(self.names) + self.extras
+        return int(self.extras[-1].stop)
+
+    def with_extras(self, counts: Sequence[int]) -> Layout:
+        """With as many further columns of each photograph, shared by its three channels."""
+        ends = len(self.names) + np.cumsum([0, *counts])
+        each = [slice(int(start), int(end)) for start, end in pairwise(ends)]
+        return replace(self, extras=tuple(own for own in each for _ in range(3)))
 
     def of(self, name: str, values: Floats) -> Floats:
         """The coefficients called `name`, one a channel (..., 3); shared ones are repeated."""
@@ -55,7 +63,8 @@ def lay_out(names: tuple[str, ...], *, neutral: bool, photographs: int = 1) -> L
         for channel in range(3):
             keys = [(name, None if _is_shared(name, neutral=neutral) else channel) for name in own]
             index.append(np.array([order.setdefault(key, len(order)) for key in keys], np.intp))
-    return Layout(names=tuple(order), index=tuple(index), extras=0)
+    none = slice(len(order), len(order))
+    return Layout(names=tuple(order), index=tuple(index), extras=(none,) * len(index))
 
 
 def numbered(name: str, photograph: int) -> str:
@@ -194,19 +203,19 @@ def combine(
     """Normal equations at one shape, from sums of its columns' rows; with coefficients `at` (P,), of the steps from
     them and from the shape.
     """
-    size, extra = layout.size, slice(len(layout.names), layout.size)
+    size = layout.size
     here = np.zeros(size) if at is None else at
     shapes = np.arange(size, size + (0 if at is None else len(columns[0].mix) - 1))
     matrix, rhs = np.zeros((size + len(shapes),) * 2), np.zeros(size + len(shapes))
     matrix[:size, :size] = prior.precision
     rhs[:size] = prior.precision @ (prior.centre - here)
     squares = float((prior.centre - here) @ rhs[:size])
-    for cols, one, gram, index in zip(columns, sums, weighing.gram, layout.index, strict=True):
+    for cols, one, gram, index, extra in zip(columns, sums, weighing.gram, layout.index, layout.extras, strict=True):
         to = np.concatenate([index, shapes])
         predicted, slopes = cols.prediction(here[index]), cols.slopes(here[index])[: len(to)]
         rest = one.data - one.products @ predicted
         squares += one.squares - float(predicted @ (one.data + rest))
-        if layout.extras:
+        if len(gram):
             across, left = one.across @ slopes.T, one.extra_data - one.across @ predicted
             matrix[extra, to] += across
             matrix[to, extra] += across.T
@@ -239,6 +248,13 @@ def inverse(matrix: Floats) -> Floats:
     """Covariance from a precision matrix."""
     covariance = solve(matrix, np.eye(len(matrix)))
     return 0.5 * (covariance + covariance.T)
+
+
+def marginal(matrix: Floats, own: NDArray[np.intp]) -> Floats:
+    """Precision matrix of some unknowns (p,) from that of all, the others integrated out: Schur's complement."""
+    rest = np.delete(np.arange(len(matrix)), own)
+    across = matrix[rest[:, None], own]
+    return np.asarray(matrix[own[:, None], own] - across.T @ solve(matrix[rest[:, None], rest], across))
 
 
 def bounded(matrix: Floats, rhs: Floats, prior: Prior) -> tuple[Floats, NDArray[np.bool_]]:

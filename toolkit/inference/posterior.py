@@ -157,8 +157,7 @@ def _draw_linear(
     while True:
         wanted = draws * min(stretch, MOST_TRIED)
         picked = u[np.linspace(0, len(u) - 1, wanted).round().astype(int)]
-        mean, factor = surrogate.conditional(picked)
-        x = mean + np.einsum("sij,sj->si", factor, rng.standard_normal(mean.shape))
+        x = surrogate.draws(picked, rng.standard_normal((wanted, len(prior.centre))))
         inside = np.all((x >= prior.low) & (x <= prior.high), axis=1)
         if inside.sum() >= draws or stretch >= MOST_TRIED:
             break

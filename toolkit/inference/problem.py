@@ -30,7 +30,7 @@ class Problem:
     fresnel: Fresnel
     layout: Layout
     prior: Prior
-    extras: tuple[Floats, ...]  # per channel (n, q): shared columns such as calibration shifts
+    extras: tuple[Floats, ...]  # per channel (n, q): its photograph's further columns, such as calibration shifts
     tempering: float = 1.0  # how many times less than by their noise the data weigh
 
     @property
@@ -49,11 +49,11 @@ class Problem:
         return scale_of([view.scene for view in self.views])
 
     def with_extras(self, extras: tuple[Floats, ...], precision: Floats, centre: Floats) -> Problem:
-        """With further columns (n, q) per channel, shared by all, and their Gaussian prior."""
+        """With further columns (n, q) per channel, its photograph's own, and the Gaussian prior of all of them."""
         return replace(
             self,
             extras=extras,
-            layout=replace(self.layout, extras=len(centre)),
+            layout=self.layout.with_extras([one.shape[1] for one in extras[::3]]),
             prior=self.prior.joined(precision, centre),
         )
 
@@ -63,7 +63,7 @@ class Problem:
         return replace(
             self,
             views=views,
-            layout=replace(self.layout, extras=0),
+            layout=self.layout.with_extras([0] * len(views)),
             prior=self.prior.first(len(self.layout.names)),
             extras=_no_extras(views),
         )
@@ -96,12 +96,12 @@ class Problem:
 
     def predict(self, cols: Evaluated, x: Floats, step: Floats | None = None) -> tuple[Floats, ...]:
         """What is predicted of each channel's data, after a `step` (D,) of the shape to first order."""
-        named, found = len(self.layout.names), []
-        for col, index, extra in zip(cols, self.layout.index, self.extras, strict=True):
+        found, layout = [], self.layout
+        for col, index, extra, own in zip(cols, layout.index, self.extras, layout.extras, strict=True):
             mix = col.prediction(x[index])
             if step is not None:
                 mix += step @ col.slopes(x[index])[len(index) :]
-            found.append(mix @ col.rows + extra @ x[named:] if self.layout.extras else mix @ col.rows)
+            found.append(mix @ col.rows + extra @ x[own] if extra.size else mix @ col.rows)
         return tuple(found)
 
 
@@ -121,13 +121,23 @@ class Optimum:
     columns: Evaluated  # at that, with their derivatives
     predicted: tuple[Floats, ...]  # of each channel's data
 
+    def own(self, photograph: int) -> NDArray[np.intp]:
+        """Which unknowns (p,) a photograph depends on."""
+        layout, first = self.problem.layout, 3 * photograph
+        named = np.unique(np.concatenate(layout.index[first : first + 3]))
+        return np.concatenate([named, self._extras_and_shape(first)])
+
     def slopes(self, channel: int) -> tuple[NDArray[np.intp], Floats]:
         """Which unknowns (p,) a channel depends on, and the derivatives (p, m) of its data's prediction in them."""
         layout, columns = self.problem.layout, self.columns[channel]
-        own, size = layout.index[channel], len(self.joint)
+        own = layout.index[channel]
         slopes = columns.slopes(self.x[own]) @ columns.rows
-        index = np.concatenate([own, np.arange(len(layout.names), size)])
+        index = np.concatenate([own, self._extras_and_shape(channel)])
         return index, np.concatenate([slopes[: len(own)], self.problem.extras[channel].T, slopes[len(own) :]])
+
+    def _extras_and_shape(self, channel: int) -> NDArray[np.intp]:
+        extra, size = self.problem.layout.extras[channel], self.problem.layout.size
+        return np.concatenate([np.arange(extra.start, extra.stop), np.arange(size, len(self.joint))])
 
 
 def pose(model: Model, scene: Scene, cells: Cells, noise: Noise) -> Problem:

@@ -33,22 +33,23 @@ Parts = tuple[Floats, Floats, Floats]
 def sensitivity(
     optimum: Optimum | Projection, told: Sequence[View], here: Sequence[View], shifts: Shifts, total: Floats
 ) -> tuple[Floats, ...]:
-    """Per channel, the change of the predicted radiance with each shift (n, q), by differences.
+    """Per channel, the change of the predicted radiance with each shift of its photograph (n, q), by differences.
 
     `told` are the photographs as told, `here` the same in scenes shifted by `total`, where the change is asked for.
     """
     found: list[Floats] = []
     steps = np.diag(RELATIVE_STEP * shifts.sd)
     for v, (first, view) in enumerate(zip(told, here, strict=True)):
-        slopes = [np.zeros((len(steps), len(data.rows))) for data in view.cells.channels]
+        mine = np.flatnonzero(shifts.photograph == v)
+        slopes = [np.zeros((len(mine), len(data.rows))) for data in view.cells.channels]
         lights = [
             _slopes(optimum, view, light, lit, v)
             for light, lit in zip(lights_of(view.scene, whole=view.whole), view.lights, strict=True)
         ]
-        for j in np.flatnonzero(shifts.photograph == v):
+        for i, j in enumerate(mine):
             scene = shifted(first.scene, shifts, total + steps[j], v)
             for slope, change in zip(slopes, _change(view, lights, scene), strict=True):
-                slope[j] = change / steps[j, j]
+                slope[i] = change / steps[j, j]
         found += [slope.T for slope in slopes]
     return tuple(found)
 

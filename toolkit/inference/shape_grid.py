@@ -71,10 +71,9 @@ def _equations(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> tuple[Floa
         bodies_of = np.stack([table[BODY] for table in tables[: len(bodies)]])
         sums.append(_sums(tables[: len(glosses)], bodies_of, data, weighing.weights[c], weighing.weighted[c]))
     matrix, rhs, squares = equations(tuple(sums), layout, problem.prior)
-    named, extra = len(layout.names), slice(len(layout.names), layout.size)
-    for one, index, gram in zip(sums, layout.index, weighing.gram, strict=True):
-        matrix[..., named:, index] += one.across[..., 1:]
-        matrix[..., index, named:] += np.swapaxes(one.across[..., 1:], -1, -2)
+    for one, index, extra, gram in zip(sums, layout.index, layout.extras, weighing.gram, strict=True):
+        matrix[..., extra, index] += one.across[..., 1:]
+        matrix[..., index, extra] += np.swapaxes(one.across[..., 1:], -1, -2)
         matrix[..., extra, extra] += gram
         rhs[..., extra] += one.extra_data - one.across[..., 0]
     grid = axes.shape[1:] * len(axes)

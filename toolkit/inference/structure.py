@@ -15,12 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from toolkit.records import Floats
 
 from .cells import Cells
 from .lit import lit_by
+from .normal import inverse
 from .problem import Optimum
 from .views import View
 
@@ -32,21 +34,26 @@ SMALLEST = 1e-6  # of a pattern's own variance, below which the fit has explaine
 
 
 def structure_p(optimum: Optimum) -> float:
-    """Chance that noise alone leaves as much structure in the residuals as this fit has left, in either way."""
-    chances = structure_chances(optimum)
+    """Chance that noise alone leaves as much structure in a photograph's residuals as this fit has left, in either way,
+    in any of them.
+    """
+    chances = [chance for both in structure_chances(optimum) for chance in both]
     return min(1.0, len(chances) * min(chances))
 
 
-def structure_chances(optimum: Optimum) -> tuple[float, float]:
-    """The chance of as much structure in each channel for itself, and of as much in all channels of a photograph."""
-    left = [_left(optimum, c) for c in range(len(optimum.problem.channels))]
-    plain, alike = [], []
-    for v, view in enumerate(optimum.problem.views):
-        channels = left[3 * v : 3 * v + 3]
-        smooth, waves = _patterns(view)
-        plain += [(smooth, one) for one in channels]
-        alike.append((np.concatenate([smooth, waves]), _shared(channels)))
-    return _chance(plain, optimum.joint), _chance(alike, optimum.joint)
+def structure_chances(optimum: Optimum) -> list[tuple[float, float]]:
+    """Of each photograph the chance of as much structure in each channel for itself, and of as much in all of them."""
+    covariance = inverse(optimum.joint)
+    return [_chances(optimum, covariance, v) for v in range(len(optimum.problem.views))]
+
+
+def _chances(optimum: Optimum, covariance: Floats, photograph: int) -> tuple[float, float]:
+    own = optimum.own(photograph)
+    channels = [_left(optimum, c, own) for c in range(3 * photograph, 3 * photograph + 3)]
+    smooth, waves = _patterns(optimum.problem.views[photograph])
+    plain, alike = [(smooth, one) for one in channels], [(np.concatenate([smooth, waves]), _shared(channels))]
+    of_own = covariance[own[:, None], own]
+    return _chance(plain, of_own), _chance(alike, of_own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,20 +67,20 @@ class _Left:
     predicted: Floats  # (N,)
     weight: Floats  # (N,), of the means beside each other
     residual: Floats  # (N,), weighted
-    design: Floats  # (P, N), the derivatives of the prediction in all unknowns, weighted
+    design: Floats  # (p, N), the derivatives of the prediction in the photograph's own unknowns, weighted
 
 
-def _left(optimum: Optimum, channel: int) -> _Left:
+def _left(optimum: Optimum, channel: int, own: NDArray[np.intp]) -> _Left:
     data, weights = optimum.problem.channels[channel], optimum.weights.weights[channel]
     view = optimum.problem.views[channel // 3]
     n, (unknowns, slopes) = data.cells, optimum.slopes(channel)
     rows, whole = data.rows[:n], len(view.cells.x_px)
     predicted, weight, residual = np.zeros((3, whole))
-    design = np.zeros((len(optimum.joint), whole))
+    design = np.zeros((len(own), whole))
     predicted[rows] = optimum.predicted[channel][:n]
     weight[rows] = weights.of_means
     residual[rows] = weights.times(data.value - optimum.predicted[channel])[:n]
-    design[unknowns[:, None], rows] = weights.times(slopes)[:, :n]
+    design[np.searchsorted(own, unknowns)[:, None], rows] = weights.times(slopes)[:, :n]
     return _Left(predicted=predicted, weight=weight, residual=residual, design=design)
 
 
@@ -87,15 +94,18 @@ def _shared(channels: Sequence[_Left]) -> _Left:
     )
 
 
-def _chance(asked: Sequence[tuple[Floats, _Left]], joint: Floats) -> float:
-    """Of a score statistic as large as that of patterns (K, N), each in what is left of its own."""
+def _chance(asked: Sequence[tuple[Floats, _Left]], covariance: Floats) -> float:
+    """Of a score statistic as large as that of patterns (K, N), each in what is left of its own.
+
+    `covariance` (p, p) is the posterior's, of the unknowns that these depend on.
+    """
     from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
 
     score = np.concatenate([patterns @ left.residual for patterns, left in asked])
     across = np.concatenate([patterns @ left.design.T for patterns, left in asked])
     weighed = [patterns * np.sqrt(left.weight) for patterns, left in asked]
     kept = block_diag(*(each @ each.T for each in weighed))
-    rest = kept - across @ np.linalg.solve(joint, across.T)
+    rest = kept - across @ covariance @ across.T
     scale = 1.0 / np.sqrt(np.maximum(np.diag(kept), 1e-300))
     values, vectors = np.linalg.eigh(rest * scale[:, None] * scale)
     whole = values > SMALLEST

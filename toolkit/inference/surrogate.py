@@ -23,6 +23,7 @@ REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
 SHORTENINGS = 6
+MOST_NUMBERS = 2**23  # in the factors of as many draws as are made at once
 NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (9, 17), 3: (5, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
 
 
@@ -52,6 +53,16 @@ class Surrogate:
         factor = np.zeros((len(u), p, p))
         factor[:, *np.tril_indices(p)] = table[:, p:]
         return table[:, :p], factor
+
+    def draws(self, u: Floats, standard: Floats) -> Floats:
+        """Draws (S, P) of the linear unknowns given shapes (S, D), from standard normal ones (S, P)."""
+        result = np.empty(standard.shape)
+        few = max(MOST_NUMBERS // self.unknowns**2, 1)
+        for first in range(0, len(u), few):
+            some = slice(first, first + few)
+            mean, factor = self.conditional(u[some])
+            result[some] = mean + np.einsum("sij,sj->si", factor, standard[some])
+        return result
 
     @property
     def nodes(self) -> int:
