@@ -94,8 +94,8 @@ def _blocks(image: LinearImage, side: int) -> Blocks:
 
 
 def _means(plane: Plane, rows: int, columns: int, side: int) -> Floats:
-    cut = plane.values[: rows * side, : columns * side].reshape(rows, side, columns, side)
-    return np.asarray(cut.mean(axis=(1, 3)), float)
+    lines = plane.values[: rows * side, : columns * side].reshape(rows, side, -1).mean(axis=1)
+    return np.asarray(lines.reshape(rows, columns, side).mean(axis=2), float)
 
 
 def _check_usable(planes: list[Plane], name: str, scene: Scene) -> None:

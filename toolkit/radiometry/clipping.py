@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from toolkit.flags import SampleFlag
 from toolkit.records import Floats, RawFrame
 
+PLACES = (0, 0), (0, 1), (1, 0), (1, 1)  # rows, columns of a mosaic's four parts
 _CLIPPED, _BLOOM, _INVALID = (np.uint8(flag) for flag in (SampleFlag.CLIPPED, SampleFlag.BLOOM, SampleFlag.INVALID))
 _MARGIN = 0.005  # of the range from black to white: a raw's saturation scatters by its read noise and gain
 _LOWEST = 0.75  # of the range: where a sensor may saturate below the white level that its file states
@@ -17,19 +19,19 @@ _SPIKE = 5  # times as many samples in the uppermost `_MARGIN` as in the next: n
 _FEWEST = 20  # samples
 
 
-def ceiling(frame: RawFrame, stored: NDArray[Any]) -> Floats:
+def ceiling(frame: RawFrame, stored: Sequence[NDArray[Any]] | NDArray[Any]) -> Floats:
     """The stored level from which samples count as clipped, shaped like `frame.white`; inf where there is none.
 
     It is white, for raws half a percent of the range below it, or less where the samples `stored` (the frame's, or a
-    part of them) pile up at a lower level: then that is where the sensor, or what wrote the file, clipped. That level
-    must lie in the upper quarter of the range, or be all ones in fewer bits.
+    part of them; of a mosaic's four places or of three channels in turn) pile up at a lower level: then that is where
+    the sensor, or what wrote the file, clipped. That level must lie in the upper quarter of the range, or be all ones
+    in fewer bits.
     """
     if not np.all(np.isfinite(frame.white)) or frame.encoding != "linear":
         return frame.white
     margin = _MARGIN * (frame.white - frame.black)
     level = frame.white - np.floor(margin) if frame.format == "raw" else frame.white.copy()
-    for place in np.ndindex(level.shape):
-        samples = stored[place[0] :: 2, place[1] :: 2] if stored.ndim == 2 else stored[..., place[0]]
+    for place, samples in zip(np.ndindex(level.shape), stored, strict=True):
         lowest = frame.black[place] + _LOWEST * (frame.white[place] - frame.black[place])
         level[place] = np.minimum(level[place], _pile_up(samples, float(lowest), float(margin[place])))
     return level
@@ -47,21 +49,26 @@ def _pile_up(samples: NDArray[Any], lowest: float, margin: float) -> float:
     return top - margin if spike else float("inf")
 
 
-def mosaic_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
-    """Flags (H, W) of a mosaic: clipped by the (2, 2) `level`, bloom 3 x 3 in the pixels and 3 x 3 in each plane."""
-    clipped = np.empty(stored.shape, bool)
-    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        clipped[row::2, column::2] = _from(stored[row::2, column::2], level[row, column])
-    if not clipped.any():
-        return np.zeros(stored.shape, np.uint8)
-    return _with_bloom(clipped, _spread(clipped, 1) | _spread(clipped, 2))
+def mosaic_flags(parts: Sequence[NDArray[Any]], level: Floats) -> list[NDArray[np.uint8]]:
+    """Flags of a mosaic's four parts, `PLACES`: clipped by the (2, 2) `level`, bloom 3 x 3 in the pixels and 3 x 3 in
+    each part.
+    """
+    clipped = [_from(part, level[place]) for place, part in zip(PLACES, parts, strict=True)]
+    if not any(each.any() for each in clipped):
+        return [np.zeros(part.shape, np.uint8) for part in parts]
+    whole = np.empty((len(parts[0]) + len(parts[2]), parts[0].shape[1] + parts[1].shape[1]), bool)
+    for (row, column), each in zip(PLACES, clipped, strict=True):
+        whole[row::2, column::2] = each
+    flags = _with_bloom(whole, _spread(whole, 1) | _spread(whole, 2))
+    return [np.ascontiguousarray(flags[row::2, column::2]) for row, column in PLACES]
 
 
-def _from(stored: NDArray[Any], level: float) -> NDArray[np.bool_] | bool:
+def _from(stored: NDArray[Any], level: float) -> NDArray[np.bool_]:
     """Which stored numbers are at least a level, whole ones compared as such: in a quarter of the bytes."""
     if stored.dtype.kind == "f":
         return np.asarray(stored >= level)
-    return np.asarray(stored >= stored.dtype.type(np.ceil(level))) if level <= np.iinfo(stored.dtype).max else False
+    within = level <= np.iinfo(stored.dtype).max
+    return np.asarray(stored >= stored.dtype.type(np.ceil(level))) if within else np.zeros(stored.shape, bool)
 
 
 def colour_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:

@@ -76,26 +76,25 @@ def _whole_cells(box: Box, width: int, height: int) -> Box:
 
 def _mosaic(frame: RawFrame, stored: NDArray[np.uint16], origin: tuple[int, int]) -> tuple[Plane, ...]:
     assert frame.cfa is not None  # noqa: S101  # the caller chose by it
-    flags = clipping.mosaic_flags(stored, clipping.ceiling(frame, stored))
-    planes = []
-    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        black, white = float(frame.black[row, column]), float(frame.white[row, column])
-        planes.append(
-            Plane(
-                channel=int(frame.cfa[row, column]),
-                values=_scaled(stored[row::2, column::2], black, white),
-                flags=np.ascontiguousarray(flags[row::2, column::2]),
-                origin_px=(float(origin[0] + column), float(origin[1] + row)),
-                step_px=2,
-            )
+    # taken apart once: all that follows is several times faster along memory
+    parts = [np.ascontiguousarray(stored[row::2, column::2]) for row, column in clipping.PLACES]
+    flags = clipping.mosaic_flags(parts, clipping.ceiling(frame, parts))
+    return tuple(
+        Plane(
+            channel=int(frame.cfa[place]),
+            values=_scaled(part, float(frame.black[place]), float(frame.white[place])),
+            flags=own,
+            origin_px=(float(origin[0] + place[1]), float(origin[1] + place[0])),
+            step_px=2,
         )
-    return tuple(planes)
+        for place, part, own in zip(clipping.PLACES, parts, flags, strict=True)
+    )
 
 
 def _colours(
     frame: RawFrame, stored: NDArray[Any], origin: tuple[int, int], transfer: Transfer | None
 ) -> tuple[Plane, ...]:
-    flags = clipping.colour_flags(stored, clipping.ceiling(frame, stored))
+    flags = clipping.colour_flags(stored, clipping.ceiling(frame, np.moveaxis(stored, -1, 0)))
     planes = []
     for channel in range(3):
         values = _radiance(frame, stored[..., channel], channel, transfer)
