@@ -115,10 +115,9 @@ def _check_neighbours(decoded: Decoded) -> None:
     spacing = 2 if decoded.cfa is not None else 1
     step = max(values.size // _SOME, 1)
     rows = values[::step].astype(float)
-    columns = values[:, ::step].astype(float)
     spread = float(rows.std())
     along = _correlation(rows[:, :-spacing], rows[:, spacing:])
-    across = _correlation(columns[:-spacing], columns[spacing:])
+    across = _correlation(*(part.astype(float) for part in (values[:-spacing:step], values[spacing::step])))
     scale = float(np.max(decoded.white) - np.min(decoded.black))
     if spread > _WIDE * scale and max(along, across) < _LOOSE:
         raise BadInputError(
@@ -128,5 +127,6 @@ def _check_neighbours(decoded: Decoded) -> None:
 
 
 def _correlation(first: NDArray[Any], second: NDArray[Any]) -> float:
-    both = float(first.std() * second.std())
-    return float(((first - first.mean()) * (second - second.mean())).mean()) / both if both > 0 else 1.0
+    one, other = ((each - each.mean()).ravel() for each in (first, second))
+    both = float(np.sqrt((one @ one) * (other @ other)))
+    return float(one @ other) / both if both > 0 else 1.0
