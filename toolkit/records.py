@@ -8,7 +8,7 @@ camera frame x right, y up, z towards the camera; channels 0, 1, 2 are red, gree
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -20,8 +20,8 @@ Projection = Literal["orthographic", "perspective"]
 
 def readonly(record: object) -> None:
     """Set every array of a record read-only; called by each record's `__post_init__`."""
-    for item in fields(record):  # type: ignore[arg-type]  # every caller is a dataclass
-        value = getattr(record, item.name)
+    for name in record.__slots__:  # type: ignore[attr-defined]  # every caller is a dataclass with slots
+        value = getattr(record, name)
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from toolkit.records import Camera, Floats, Scene, Sphere, readonly
 
+from .repeated import repeated
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surface:
@@ -61,7 +63,7 @@ def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
         normal[:2] /= np.sqrt(np.maximum(offset2, 1.0))
     normal[2] = np.sqrt(np.maximum(1.0 - offset2, 0.0))
     vectors = np.moveaxis(normal, 0, -1)
-    return Surface(normal=vectors, view=np.broadcast_to((0.0, 0.0, 1.0), vectors.shape), offset2=offset2)
+    return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape), offset2=offset2)
 
 
 def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surface:

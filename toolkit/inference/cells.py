@@ -82,10 +82,10 @@ class ChannelCells:
         """Some of the cells (k,), at new places `rows` (k,), with their slopes or without."""
         times, shape = 3 if slopes and self.slopes else 1, (3 if self.slopes else 1, self.cells)
         return ChannelCells(
-            rows=np.tile(rows, times),
+            rows=rows if times == 1 else np.tile(rows, times),
             place=self.place,
-            value=self.value.reshape(shape)[:times, kept].ravel(),
-            count=self.count.reshape(shape)[:times, kept].ravel(),
+            value=self.value.reshape(shape)[:times].take(kept, axis=1).ravel(),
+            count=self.count.reshape(shape)[:times].take(kept, axis=1).ravel(),
             censored=self.censored[kept],
             slopes=times == 3,
             narrower=None if self.narrower is None else self.narrower[kept],
@@ -126,20 +126,18 @@ class Cells:
 
     def thinned(self, every: int) -> Cells:
         """The means of one cell in `every`, for a first search."""
-        kept = np.arange(0, len(self.x_px), every)
-        place = np.full(len(self.x_px), -1)
-        place[kept] = np.arange(len(kept))
-        found: dict[int, NDArray[np.intp]] = {}
+        found: dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]] = {}  # channels that share their rows go on so
         channels = []
         for data in self.channels:
-            rows = place[data.rows[: data.cells]]
-            of_them = np.flatnonzero(rows >= 0)
-            few = data.only(of_them, rows[of_them], slopes=False)
-            channels.append(replace(few, rows=found.setdefault(id(data.rows), few.rows)))
+            if id(data.rows) not in found:
+                place, beside = np.divmod(data.rows[: data.cells], every)
+                kept = np.flatnonzero(beside == 0)
+                found[id(data.rows)] = kept, place[kept]
+            channels.append(data.only(*found[id(data.rows)], slopes=False))
         return Cells(
-            x_px=self.x_px[kept],
-            y_px=self.y_px[kept],
-            node_x_px=self.node_x_px[..., kept],
-            node_y_px=self.node_y_px[..., kept],
+            x_px=self.x_px[::every],
+            y_px=self.y_px[::every],
+            node_x_px=self.node_x_px[..., ::every],
+            node_y_px=self.node_y_px[..., ::every],
             channels=(channels[0], channels[1], channels[2]),
         )

@@ -23,6 +23,7 @@ SMOOTH_RAD = 0.16  # widest cell, as the angle its normals span where the surfac
 LIMB_POWER = 1.5  # of n.v, by which cells grow narrower: one for foreshortening, the rest since n itself curves there
 SHARPNESS = 1 / 7  # width of a cell over the angle to the highlight's centre
 TERMINATOR = 0.5  # width of a cell over the elevation of the light: its cosine has a kink at 0, weights grow towards it
+WIDEST_RAD = 0.11  # that all of these allow together anywhere on a lit sphere: 0.1091, under a light 55 degrees aside
 TERMINATOR_RAD = 0.02  # narrower than this the terminator does not matter
 MIN_N_DOT_V = 0.2  # nearer the limb than this, a sample's normal is too uncertain to be of use
 MIN_N_DOT_L = 0.06  # nearer the terminator, the light's own size shows
@@ -43,7 +44,7 @@ def gather(image: LinearImage, scene: Scene, *, finest_rad: float = 0.02) -> Cel
     ValueError where a sample that is not flagged is not a number.
     """
     step = image.planes[0].step_px
-    levels = max(int(np.log2(max(SMOOTH_RAD * scene.sphere.radius_px / step, 1.0))), 0)
+    levels = max(int(np.log2(max(WIDEST_RAD * scene.sphere.radius_px / step, 1.0))), 0)
     grid = grid_of(image.planes, levels)
     blocks = np.indices([-(-n // 2**levels) for n in grid.size]).reshape(2, -1)
     found, wary = [], _wary(scene)
@@ -106,11 +107,12 @@ def _cells(grid: Grid, found: list[_Found]) -> Cells:
     shares = [_Share.of(one, grid.step_px, side) for one in sets]
     x, y = np.concatenate([one.places for one in found], axis=1)
     good, censored = (np.concatenate(part, axis=1) for part in zip(*((f.good, f.censored) for f in found), strict=True))
+    places = [sets.index(one) for one in grid.centroids]
+    turns = np.array([shares[place].turn for place in places]).swapaxes(0, 1)
+    data = np.concatenate([turn @ one.moments for turn, one in zip(turns, found, strict=True)], axis=-1)
     every, channels = np.tile(np.arange(len(x)), 3), []
-    for c, centroid in enumerate(grid.centroids):
-        kept, place = np.flatnonzero(good[c]), sets.index(centroid)
-        turns = zip(shares[place].turn, found, strict=True)
-        values = np.concatenate([turn @ one.moments[c] for turn, one in turns], axis=1)
+    for c, place in enumerate(places):
+        kept, values = np.flatnonzero(good[c]), data[c]
         counts = np.repeat(grid.samples[c] * shares[place].counts, sizes, axis=1)
         whole = len(kept) == len(x)
         channels.append(

@@ -59,13 +59,20 @@ class Model:
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper bounds of the coordinates."""
-        low = np.array([np.log(p.low) if p.log else p.low for p in self.parameters])
-        return low, np.array([np.log(p.high) if p.log else p.high for p in self.parameters])
+        return _bounds(self.parameters)
 
     def split(self, shape: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Shape numbers of the specular and of the diffuse lobe."""
         n = len(self.specular.parameters)
         return shape[:n], shape[n:]
+
+
+@lru_cache(maxsize=256)
+def _bounds(parameters: tuple[Parameter, ...]) -> tuple[Floats, Floats]:
+    low, high = np.array([np.log((p.low, p.high)) if p.log else (p.low, p.high) for p in parameters]).reshape(-1, 2).T
+    for bound in (low, high):
+        bound.setflags(write=False)
+    return low, high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

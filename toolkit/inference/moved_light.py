@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.geometry.repeated import repeated
 from toolkit.geometry.tangents import tangents
 from toolkit.records import Floats, Light
 
@@ -33,7 +34,7 @@ class MovedLight:
         """Directions and irradiance at surface points, as every light gives them."""
         if self.nearness == 0.0:
             shape = np.shape(points)
-            return np.broadcast_to(self.direction, shape), np.broadcast_to(self.irradiance or (1.0, 1.0, 1.0), shape)
+            return repeated(self.direction, shape), repeated(self.irradiance or (1.0, 1.0, 1.0), shape)
         place = np.moveaxis(np.asarray(points), -1, 0)
         towards = np.stack([d - self.nearness * p for d, p in zip(self.direction, place, strict=True)])
         square = towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2]

@@ -160,15 +160,20 @@ class Sums:
 def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], weighing: Weighing) -> tuple[Sums, ...]:
     """Of the columns' rows: one pass over the cells of each channel."""
     found = []
-    for c, (cols, data, w) in enumerate(zip(columns, channels, weighing.weights, strict=True)):
-        apart, extra, value = w.apart(cols.rows), weighing.weighted[c], w.apart(data.value)
-        weighted, value_w = apart * w.each, value * w.each
+    for cols, data, w, extra in zip(columns, channels, weighing.weights, weighing.weighted, strict=True):
+        rows = cols.rows
+        products, told, squares = np.zeros((*rows.shape[:-1], rows.shape[-2])), np.zeros(rows.shape[:-1]), 0.0
+        for (part, each), (value, _) in zip(w.parts(rows), w.parts(data.value), strict=True):
+            weighted = part * each
+            products += weighted @ part.swapaxes(-1, -2)
+            told += weighted @ value
+            squares += float((value * each) @ value)
         found.append(
             Sums(
-                products=weighted @ np.swapaxes(apart, -1, -2),
-                data=apart @ value_w,
-                squares=float(value_w @ value),
-                across=extra @ cols.rows.T if len(extra) else np.zeros((0, cols.rows.shape[-2])),
+                products=products,
+                data=told,
+                squares=squares,
+                across=extra @ rows.T if len(extra) else np.zeros((0, rows.shape[-2])),
                 extra_data=extra @ data.value,
             )
         )
@@ -262,9 +267,13 @@ def bounded(matrix: Floats, rhs: Floats, prior: Prior) -> tuple[Floats, NDArray[
 
     Active set: what violates its bound is fixed there, what would move inside is freed again.
     """
-    x: Floats = solve(matrix, rhs)
-    fixed = np.zeros(len(x), bool)
-    if np.all((x >= prior.low) & (x <= prior.high)):
+    return _within(matrix, rhs, prior, solve(matrix, rhs))
+
+
+def _within(matrix: Floats, rhs: Floats, prior: Prior, x: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """The same from where `x` would be least without the prior's range."""
+    x, fixed = x.copy(), np.zeros(len(x), bool)
+    if ((x >= prior.low) & (x <= prior.high)).all():
         return x, fixed
     for _ in range(3 * len(x)):
         outside = ~fixed & ((x < prior.low) | (x > prior.high))
@@ -273,10 +282,10 @@ def bounded(matrix: Floats, rhs: Floats, prior: Prior) -> tuple[Floats, NDArray[
         if not outside.any() and not freed.any():
             break
         fixed = (fixed | outside) & ~freed
-        x = np.clip(x, prior.low, prior.high)
-        free = ~fixed
-        x[free] = solve(matrix[np.ix_(free, free)], rhs[free] - matrix[np.ix_(free, fixed)] @ x[fixed])
-    return np.clip(x, prior.low, prior.high), fixed
+        x = np.minimum(np.maximum(x, prior.low), prior.high)
+        free, rest = np.flatnonzero(~fixed), rhs - matrix @ np.where(fixed, x, 0.0)
+        x[free] = solve(matrix[free[:, None], free], rest[free])
+    return np.minimum(np.maximum(x, prior.low), prior.high), fixed
 
 
 def bounded_each(matrix: Floats, rhs: Floats, prior: Prior) -> Floats:
@@ -284,6 +293,6 @@ def bounded_each(matrix: Floats, rhs: Floats, prior: Prior) -> Floats:
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     raised = matrix * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(matrix.shape[-1])
     found = np.linalg.solve(raised, (rhs * scale)[..., None])[..., 0] * scale
-    for i in np.flatnonzero(~np.all((found >= prior.low) & (found <= prior.high), axis=-1)):
-        found[i], _ = bounded(matrix[i], rhs[i], prior)
+    for i in np.flatnonzero(((found < prior.low) | (found > prior.high)).any(axis=-1)):
+        found[i], _ = _within(matrix[i], rhs[i], prior, found[i])
     return np.asarray(found)

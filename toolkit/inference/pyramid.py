@@ -17,6 +17,7 @@ from toolkit.flags import SampleFlag, flagged
 from toolkit.records import Floats, Plane
 
 MOMENTS_FROM = 8  # pixels or quads on a side of the smallest blocks whose moments are worked out all over the image
+_PLACES = np.array([np.ones(MOMENTS_FROM), np.arange(MOMENTS_FROM) - (MOMENTS_FROM - 1) / 2], np.float32)
 
 Mask = NDArray[np.bool_]
 Blocks = NDArray[np.intp]  # (2, n), rows and columns of blocks, counted in their own size
@@ -170,9 +171,8 @@ def _moments(value: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     side = MOMENTS_FROM
     height, width = (n // side for n in value.shape)
-    weight = np.array([np.ones(side), np.arange(side) - (side - 1) / 2], np.float32)
-    rows = weight @ value[: height * side].reshape(height, side, -1)[..., : width * side]
-    both = (rows.reshape(-1, side) @ weight.T).reshape(height, 2, width, 2)
+    rows = _PLACES @ value[: height * side].reshape(height, side, -1)[..., : width * side]
+    both = (rows.reshape(-1, side) @ _PLACES.T).reshape(height, 2, width, 2)
     return np.stack([both[:, 0, :, 0], both[:, 0, :, 1], both[:, 1, :, 0]])
 
 

@@ -37,7 +37,7 @@ def refine(
             break
         before, here = here, descend(problem, here.at if known else here.u, weights, known, lands_sd=lands_sd)
         moved = np.abs(here.u - before.u)
-        if known and np.all(moved <= STANDS_SD * shape_sd(here.joint, problem.layout)):
+        if known and np.all(moved <= lands_sd * shape_sd(here.joint, problem.layout)):
             break
     return here
 
@@ -59,12 +59,7 @@ def _alike(weights: Weighing, optimum: Optimum) -> bool:
     By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
     and by e times the root of the chi-square that is not noise.
     """
-    change, counted = 0.0, optimum.weights.counted
-    for new, old in zip(weights.weights, optimum.weights.weights, strict=True):
-        if np.any((new.each > 0.0) != (old.each > 0.0)):
-            return False
-        each, lean = (new.each - old.each) / np.maximum(old.each, 1e-300), (new.lean - old.lean).ravel()
-        change += float(each @ each + lean @ lean)
-    tempering = optimum.problem.tempering
+    change = sum(new.change(old) for new, old in zip(weights.weights, optimum.weights.weights, strict=True))
+    counted, tempering = optimum.weights.counted, optimum.problem.tempering
     apart = float(np.sqrt(1.0 / tempering)) + misfit_root(optimum.chi2, counted, tempering)
     return float(np.sqrt(change / max(counted, 1))) * apart <= STANDS_SD

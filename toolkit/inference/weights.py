@@ -7,6 +7,7 @@ L^T diag(each) L with L = (1, 0, 0; -lean_x, 1, 0; -lean_y, 0, 1).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +36,11 @@ class Weights:
         return int(np.count_nonzero(self.each > 0.0))
 
     @property
+    def of_cells(self) -> Floats:
+        """Of the cells' means (n,), without what the slopes add."""
+        return self.each[: self.lean.shape[1]]
+
+    @property
     def of_means(self) -> Floats:
         """The weights matrix's diagonal at the means (n,), between which it has nothing else."""
         each = self.each.reshape(1 + len(self.lean), -1)
@@ -46,11 +52,28 @@ class Weights:
 
     def sided(self, short: NDArray[np.bool_]) -> Weights:
         """With those of the clipped data (k,) counted that the prediction falls short of; itself if these did count."""
-        if np.array_equal(self.each[self.clipped] > 0.0, short):
+        if ((self.each[self.clipped] > 0.0) == short).all():
             return self
         each = self.each.copy()
         each[self.clipped] = np.where(short, self.short, 0.0)
         return replace(self, each=each)
+
+    def change(self, before: Weights) -> float:
+        """The squares of the shares by which these differ from others of the same data; inf if others of them count."""
+        now, was = self.of_cells, before.of_cells
+        if ((now[self.clipped] > 0.0) != (was[self.clipped] > 0.0)).any():
+            return np.inf
+        share, lean = (now - was) / np.maximum(was, 1e-300), (self.lean - before.lean).ravel()
+        return float((1 + len(self.lean)) * share @ share + lean @ lean)
+
+    def parts(self, rows: Floats) -> Iterator[tuple[Floats, Floats]]:
+        """Rows of data (..., m) as parts (..., n) whose errors are independent, each with its weights (n,)."""
+        n = self.lean.shape[1]
+        means = rows[..., :n]
+        yield means, self.each[:n]
+        for s, lean in enumerate(self.lean, start=1):
+            own = slice(s * n, s * n + n)
+            yield rows[..., own] - lean * means, self.each[own]
 
     def apart(self, rows: Floats) -> Floats:
         """L times rows of data (..., m): their errors are independent, with `each` for weights."""
@@ -80,6 +103,6 @@ def weights_of(data: ChannelCells, noise: Noise, channel: int, predicted: Floats
     clipped = np.flatnonzero(data.censored)
     short = each[0, clipped]
     each[:, clipped] = 0.0
-    lean = (noise.variance(signal + slopes, channel) - variance) / variance
-    found = Weights(each=each.ravel(), lean=np.clip(lean, -1.0, 1.0), clipped=clipped, short=short)
+    lean = (noise.variance(signal + slopes, channel) - variance) / variance  # -1 or more: no variance is negative
+    found = Weights(each=each.ravel(), lean=np.minimum(lean, 1.0), clipped=clipped, short=short)
     return found.sided(predicted[clipped] < data.value[clipped])

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from toolkit.geometry.repeated import repeated
 from toolkit.records import Floats
 
 from .base import Colour, Degrees, LightModel, Relative, Vector, check_irradiance, unit
@@ -30,4 +31,4 @@ class DirectionalLight(LightModel):
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance, the same at every point."""
         shape = np.shape(points)
-        return np.broadcast_to(self.direction, shape), np.broadcast_to(self.irradiance or (1.0, 1.0, 1.0), shape)
+        return repeated(self.direction, shape), repeated(self.irradiance or (1.0, 1.0, 1.0), shape)
