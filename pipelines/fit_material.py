@@ -51,7 +51,7 @@ def fit_jointly(
 
     from .candidates import fit_models
     from .colours import layers_of_fit, separate_colours
-    from .quality import quality_flags
+    from .quality import quality_flags, shown_flags
     from .srgb import colour_of
 
     # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
@@ -69,11 +69,12 @@ def fit_jointly(
                         one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
                     )
                     colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+                    shown = shown_flags(one.image, one.scene)
                 with clock.stage("layers"):
                     layers = drawn.result()
                     agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
                     full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
-            seen.append(replace(full, flags=one.flags + quality_flags(full, fits[best], preferred)))
+            seen.append(replace(full, flags=one.flags + quality_flags(full, shown, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
         scene=seen[0].scene,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,18 +18,26 @@ CORE_ROWS = 8.0  # of samples across the core's radius are enough to count its s
 GLARE_SHARE = 0.5  # of as many samples as are clipped
 
 
-def quality_flags(seen: Photograph, best: Fit, preferred: int | None) -> tuple[str, ...]:
-    """The flags of the photograph and of its best fit."""
-    image, scene, separation = seen.image, seen.scene, seen.separation
+def shown_flags(image: LinearImage, scene: Scene) -> tuple[Flag, ...]:
+    """The flags of the photograph's samples alone, whatever is fitted to them."""
     clipped, core = clipped_shares(image, scene)
     found = {
-        Flag.RELATIVE_SCALE: best.scale == "relative",
-        Flag.TRANSFER_ASSUMED: image.transfer_assumed,
-        Flag.NOISE_ESTIMATED: image.noise.source == "estimated",
         Flag.CLIPPED: clipped > CLIPPED_SHARE,
         Flag.HIGHLIGHT_CLIPPED: core > CORE_SHARE,
         Flag.HIGHLIGHT_UNSEEN: np.isnan(core),
         Flag.GLARE: glares(image),
+    }
+    return tuple(flag for flag, holds in found.items() if holds)
+
+
+def quality_flags(seen: Photograph, shown: Sequence[Flag], best: Fit, preferred: int | None) -> tuple[str, ...]:
+    """The flags of the photograph, among them those that its samples have `shown`, and of its best fit."""
+    image, separation = seen.image, seen.separation
+    found = {
+        Flag.RELATIVE_SCALE: best.scale == "relative",
+        Flag.TRANSFER_ASSUMED: image.transfer_assumed,
+        Flag.NOISE_ESTIMATED: image.noise.source == "estimated",
+        **dict.fromkeys(shown, True),
         Flag.MODEL_UNDECIDED: preferred is None,
         Flag.COLOUR_CANNOT_SEPARATE: seen.agreement is not None
         and (
