@@ -152,6 +152,10 @@ class Sums:
     across: Floats  # (q, m), with the extra columns
     extra_data: Floats  # (q,), of the extra columns with the data
 
+    def part(self, some: slice) -> Sums:
+        """Of some of the shapes along the first axis."""
+        return replace(self, products=self.products[some], data=self.data[some], across=self.across[some])
+
     def mixed(self, mix: Floats) -> Sums:
         """Those of rows that are sums (l, m) of these, without the extra columns."""
         return replace(self, products=mix @ self.products @ mix.T, data=self.data @ mix.T)

@@ -16,19 +16,20 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cells import ChannelCells
-from .model import Evaluate
+from .model import Evaluate, columns
 from .normal import Sums, equations
 from .problem import Optimum
 from .weights import Weights
 
 BODY = 1  # the row of a table of columns that is the body lobe's; the others are the highlight's, or no lobe's
 RIDGE = 1e-13  # of a diagonal of ones
+MOST_NUMBERS = 2**23  # in the matrices that are worked on at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solved:
-    """At shapes (...): log density with the linear unknowns integrated out, their means (..., P), and lower Cholesky
-    factors (..., P, P) of their covariance.
+    """At shapes (...): log density with the linear unknowns integrated out, their means (..., P), and the lower
+    triangles (..., P (P + 1) / 2) of the Cholesky factors of their covariance, row by row.
     """
 
     density: Floats
@@ -41,7 +42,21 @@ def solved_on_grid(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> Solved
 
     `evaluate` remembers lobes. Raises LinAlgError where the equations have no one answer.
     """
-    matrix, rhs, squares = _equations(optimum, axes, evaluate)
+    sums = [one for v in range(len(optimum.problem.views)) for one in _sums_of(optimum, v, axes, evaluate)]
+    few = max(MOST_NUMBERS // optimum.problem.layout.size**2, 1)
+    parts = [
+        _solved(optimum, *_equations(optimum, [one.part(slice(first, first + few)) for one in sums]))
+        for first in range(0, len(sums[0].data), few)
+    ]
+    grid = axes.shape[1:] * len(axes)
+    density, mean, factor = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("density", "mean", "factor")
+    )
+    return Solved(density=density.reshape(grid), mean=mean.reshape(*grid, -1), factor=factor.reshape(*grid, -1))
+
+
+def _solved(optimum: Optimum, matrix: Floats, rhs: Floats, squares: Floats) -> Solved:
+    """Of normal equations (g, P, P), (g, P), and the squares (g,)."""
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     across = scale[..., :, None] * scale[..., None, :]
     scaled = matrix * across + RIDGE * np.eye(matrix.shape[-1])
@@ -51,37 +66,43 @@ def solved_on_grid(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> Solved
     return Solved(
         density=-0.5 * (chi2 - optimum.chi2) - 0.5 * log_determinant,
         mean=mean,
-        factor=np.linalg.cholesky(np.linalg.inv(scaled) * across),
+        factor=np.linalg.cholesky(np.linalg.inv(scaled) * across)[:, *np.tril_indices(matrix.shape[-1])],
     )
 
 
-def _equations(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> tuple[Floats, Floats, Floats]:
-    """Matrix (..., P, P), right-hand side (..., P) and squares (...) on the grid."""
-    problem, weighing = optimum.problem, optimum.weights
-    layout, sharp = problem.layout, len(problem.model.specular.parameters)
+def _equations(optimum: Optimum, sums: Sequence[Sums]) -> tuple[Floats, Floats, Floats]:
+    """Matrix (g, P, P), right-hand side (g, P) and squares (g,) of each channel's sums at g shapes."""
+    layout = optimum.problem.layout
+    matrix, rhs, squares = equations(tuple(sums), layout, optimum.problem.prior)
+    for one, index, extra, gram in zip(sums, layout.index, layout.extras, optimum.weights.gram, strict=True):
+        matrix[..., extra, index] += one.across[..., 1:]
+        matrix[..., index, extra] += np.swapaxes(one.across[..., 1:], -1, -2)
+        matrix[..., extra, extra] += gram
+        rhs[..., extra] += one.extra_data - one.across[..., 0]
+    return matrix, rhs, squares
+
+
+def _sums_of(optimum: Optimum, photograph: int, axes: Floats, evaluate: Evaluate) -> list[Sums]:
+    """Of one photograph's three channels, at all shapes of the grid one after the other (g, ...)."""
+    problem, view = optimum.problem, optimum.problem.views[photograph]
+    sharp = len(problem.model.specular.parameters)
     glosses, bodies = (np.array(list(product(*part))) for part in (axes[:sharp], axes[sharp:]))
     last = len(glosses) - 1, len(bodies) - 1
     shapes = [
         np.concatenate([glosses[min(i, last[0])], bodies[min(i, last[1])]]) for i in range(max(last) + 1)
     ]  # every shape of either lobe at least once
-    cols = [problem.columns(u, evaluate=evaluate) for u in shapes]
+    cols = [columns(problem.model, problem.fresnel, view.lights, view.cells, u, evaluate=evaluate) for u in shapes]
     sums = []
-    for c, data in enumerate(problem.channels):
-        tables = [one[c].table for one in cols]
+    for c, data in enumerate(view.cells.channels):
+        tables, of_all = [one[c].table for one in cols], 3 * photograph + c
         bodies_of = np.stack([table[BODY] for table in tables[: len(bodies)]])
-        sums.append(_sums(tables[: len(glosses)], bodies_of, data, weighing.weights[c], weighing.weighted[c]))
-    matrix, rhs, squares = equations(tuple(sums), layout, problem.prior)
-    for one, index, extra, gram in zip(sums, layout.index, layout.extras, weighing.gram, strict=True):
-        matrix[..., extra, index] += one.across[..., 1:]
-        matrix[..., index, extra] += np.swapaxes(one.across[..., 1:], -1, -2)
-        matrix[..., extra, extra] += gram
-        rhs[..., extra] += one.extra_data - one.across[..., 0]
-    grid = axes.shape[1:] * len(axes)
-    return matrix.reshape(*grid, *matrix.shape[2:]), rhs.reshape(*grid, -1), squares.reshape(grid)
+        weights, weighted = optimum.weights.weights[of_all], optimum.weights.weighted[of_all]
+        sums.append(_sums(tables[: len(glosses)], bodies_of, data, weights, weighted))
+    return sums
 
 
 def _sums(tables: Sequence[Floats], body: Floats, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
-    """One channel's sums at all (m, b) shapes.
+    """One channel's sums at all m b shapes.
 
     Of the `tables` (k + 1, n), m of them, all but the body's column is taken; `body` (b, n) are the body's columns,
     `extra` (q, n) are the extra columns times the weights.
@@ -102,9 +123,9 @@ def _sums(tables: Sequence[Floats], body: Floats, data: ChannelCells, w: Weights
         across[i][..., others] = extra @ gloss.T
     products[..., others, BODY] = products[..., BODY, others]
     return Sums(
-        products=products,
-        data=told,
+        products=products.reshape(m * b, rows, rows),
+        data=told.reshape(m * b, rows),
         squares=float(value_w @ value),
-        across=across,
+        across=across.reshape(m * b, -1, rows),
         extra_data=extra @ data.value,
     )

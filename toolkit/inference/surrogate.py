@@ -17,13 +17,12 @@ from toolkit.records import Floats
 from .model import Evaluate, remembering
 from .normal import inverse, solve
 from .problem import Optimum
-from .shape_grid import solved_on_grid
+from .shape_grid import MOST_NUMBERS, solved_on_grid
 
 REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
 SHORTENINGS = 6
-MOST_NUMBERS = 2**23  # in the factors of as many draws as are made at once
 NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (9, 17), 3: (5, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
 
 
@@ -102,8 +101,7 @@ def _table(optimum: Optimum, low: Floats, high: Floats, places: Floats, evaluate
     """All that is interpolated, exactly, at every combination of places."""
     axes = 0.5 * (np.multiply.outer(low, 1.0 - places) + np.multiply.outer(high, 1.0 + places))
     solved = solved_on_grid(optimum, axes, evaluate)
-    factor = solved.factor[..., *np.tril_indices(solved.mean.shape[-1])]
-    return np.concatenate([solved.density[..., None], solved.mean, factor], axis=-1)
+    return np.concatenate([solved.density[..., None], solved.mean, solved.factor], axis=-1)
 
 
 def _error_of_half(density: Floats, places: Floats) -> float:
