@@ -94,7 +94,8 @@ def _density(optimum: object, held: object) -> float:
     rows, residuals, variances = [], [], []
     for c, (col, data) in enumerate(zip(cols, held.channels, strict=True)):
         index = problem.layout.index[c]
-        predicted, slopes = (of(optimum.x[index]) @ col.rows for of in (col.prediction, col.slopes))
+        along = col.along(optimum.x[index])
+        predicted, slopes = along[0] @ col.rows, col.slopes(along) @ col.rows
         jacobian = np.zeros((len(predicted), len(optimum.joint)))
         jacobian[:, index], jacobian[:, -1] = slopes[:-1].T, slopes[-1]
         weights = weights_of(data, NOISE, c, predicted)

@@ -59,9 +59,11 @@ def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
     normal[0] = (x - sphere.centre_px[0]) / sphere.radius_px
     normal[1] = (sphere.centre_px[1] - y) / sphere.radius_px
     offset2 = normal[0] * normal[0] + normal[1] * normal[1]
-    if offset2.max(initial=0.0) >= 1.0:
+    height2 = 1.0 - offset2
+    if height2.min(initial=1.0) <= 0.0:
         normal[:2] /= np.sqrt(np.maximum(offset2, 1.0))
-    normal[2] = np.sqrt(np.maximum(1.0 - offset2, 0.0))
+        np.maximum(height2, 0.0, out=height2)
+    np.sqrt(height2, out=normal[2])
     vectors = np.moveaxis(normal, 0, -1)
     return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape), offset2=offset2)
 

@@ -39,7 +39,7 @@ def descend(
         if _lands(here, step, wanted, sd, lands_sd):
             status, last = "converged", step
             break
-        if np.all(np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)):
+        if (np.abs(wanted) <= np.maximum(STANDS_SD * sd, 1e-9)).all():
             status = "converged"
             break
         for factor in (1.0, 0.4, 0.15, 0.05, 0.01, 0.001):
@@ -77,17 +77,14 @@ def _lands(here: Projection, step: Floats, wanted: Floats, sd: Floats, lands_sd:
     """
     problem = here.problem
     x, moved = here.x + step[: len(here.x)], step[len(here.x) :]
-    if here.on_bound.any() or len(moved) == 0 or np.any(np.abs(moved - wanted) > 1e-9 * np.abs(moved) + 1e-15):
+    way = np.abs(moved)
+    if here.on_bound.any() or len(moved) == 0 or (np.abs(moved - wanted) > 1e-9 * way + 1e-15).any():
         return False
-    if np.any((x < problem.prior.low) | (x > problem.prior.high)):
+    if ((x < problem.prior.low) | (x > problem.prior.high)).any():
         return False
-    longest = _longest(*problem.model.bounds())
-    error = (
-        np.abs(moved)
-        * (np.abs(moved) + sd * (1.0 + misfit_root(here.chi2, here.weights.counted, problem.tempering)))
-        / longest
-    )
-    return bool(np.all(error <= lands_sd * sd))
+    misfit = 1.0 + misfit_root(here.chi2, here.weights.counted, problem.tempering)
+    error = way * (way + sd * misfit) / _longest(*problem.model.bounds())
+    return bool((error <= lands_sd * sd).all())
 
 
 def _rest(here: Projection, step: Floats, status: str) -> Optimum:

@@ -15,7 +15,7 @@ from toolkit.records import Floats
 
 from .normal import inverse
 from .nuisances import Shifts
-from .problem import Optimum, Problem, weights_at
+from .problem import Optimum, Problem, weighing_at
 from .sensitivity import sensitivity
 
 Truth = Mapping[str, Floats | float]
@@ -37,7 +37,7 @@ def bound_sds(problem: Problem, truth: Truth, shifts: Shifts) -> dict[str, Float
     linear = problem.with_extras(extras, shifts.precision, nowhere)
     columns = linear.columns(there.u, derivatives=True)
     x = np.concatenate([there.x, nowhere])
-    weights = weights_at(linear, linear.predict(columns, x))
+    weights = weighing_at(linear, linear.predict(columns, x))
     covariance = inverse(linear.assemble(columns, weights, x).matrix)
     sd = np.sqrt(np.diag(covariance))
     result = {name: linear.layout.of(name, sd) for name in {name for name, _ in linear.layout.names}}
@@ -77,7 +77,7 @@ def at_truth(problem: Problem, truth: Truth) -> Optimum:
         problem=problem,
         u=np.array(u),
         x=np.array(x),
-        weights=weights_at(problem, tuple(data.value for data in problem.channels)),
+        weights=weighing_at(problem, tuple(data.value for data in problem.channels)),
         joint=np.eye(size),
         chi2=0.0,
         on_bound=np.zeros(size, bool),

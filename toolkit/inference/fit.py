@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .problem import Optimum, Problem, weights_at
+from .problem import Optimum, Problem, weighing_at
 from .refine import refine
 from .search import search, thinned
 
@@ -32,4 +32,4 @@ def go_on(problem: Problem, start: Optimum) -> Optimum:
     columns = problem.columns(start.u, derivatives=True)
     x = np.zeros(problem.layout.size)
     x[: len(problem.layout.names)] = start.x[: len(problem.layout.names)]
-    return refine(problem, start.u, weights_at(problem, problem.predict(columns, x)), columns)
+    return refine(problem, start.u, weighing_at(problem, problem.predict(columns, x)), columns)

@@ -176,13 +176,13 @@ class Columns:
         """All of them written out: (..., 1 + k, n) at the shape, without the derivatives."""
         return np.asarray(self.mix[0] @ self.rows)
 
-    def prediction(self, x: Floats) -> Floats:
-        """The prediction by coefficients (k,), as a sum of the rows (r,)."""
-        return np.asarray(self.mix[0, 0] + x @ self.mix[0, 1:])
+    def along(self, x: Floats) -> Floats:
+        """The prediction by coefficients (k,), then its derivatives in the shape, as sums of the rows (1 + D, r)."""
+        return np.asarray(self.mix[:, 0] + x @ self.mix[:, 1:])
 
-    def slopes(self, x: Floats) -> Floats:
-        """Its derivatives in each coefficient and in each shape number, as sums of the rows (k + D, r)."""
-        return np.concatenate([self.mix[0, 1:], self.mix[1:, 0] + x @ self.mix[1:, 1:]])
+    def slopes(self, along: Floats) -> Floats:
+        """Its derivatives in each coefficient, then in the shape, as sums of the rows (k + D, r); `along` as above."""
+        return np.concatenate([self.mix[0, 1:], along[1:]])
 
 
 def columns(

@@ -221,7 +221,8 @@ def combine(
     squares = float((prior.centre - here) @ rhs[:size])
     for cols, one, gram, index, extra in zip(columns, sums, weighing.gram, layout.index, layout.extras, strict=True):
         to = np.concatenate([index, shapes])
-        predicted, slopes = cols.prediction(here[index]), cols.slopes(here[index])[: len(to)]
+        along = cols.along(here[index])
+        predicted, slopes = along[0], cols.mix[0, 1:] if at is None else cols.slopes(along)
         rest = one.data - one.products @ predicted
         squares += one.squares - float(predicted @ (one.data + rest))
         if len(gram):

@@ -16,7 +16,7 @@ from .model import Columns, Evaluate, Fresnel, Model, columns, fresnel_of, names
 from .normal import Layout, Normal, Prior, Sums, Weighing, combine, lay_out, sums_of, weigh
 from .priors import prior_of
 from .views import View
-from .weights import weights_of
+from .weights import Weights, weights_of
 
 Evaluated = tuple[Columns, ...]
 
@@ -98,9 +98,8 @@ class Problem:
         """What is predicted of each channel's data, after a `step` (D,) of the shape to first order."""
         found, layout = [], self.layout
         for col, index, extra, own in zip(cols, layout.index, self.extras, layout.extras, strict=True):
-            mix = col.prediction(x[index])
-            if step is not None:
-                mix += step @ col.slopes(x[index])[len(index) :]
+            along = col.along(x[index])
+            mix = along[0] if step is None else along[0] + step @ along[1:]
             found.append(mix @ col.rows + extra @ x[own] if extra.size else mix @ col.rows)
         return tuple(found)
 
@@ -131,7 +130,7 @@ class Optimum:
         """Which unknowns (p,) a channel depends on, and the derivatives (p, m) of its data's prediction in them."""
         layout, columns = self.problem.layout, self.columns[channel]
         own = layout.index[channel]
-        slopes = columns.slopes(self.x[own]) @ columns.rows
+        slopes = columns.slopes(columns.along(self.x[own])) @ columns.rows
         index = np.concatenate([own, self._extras_and_shape(channel)])
         return index, np.concatenate([slopes[: len(own)], self.problem.extras[channel].T, slopes[len(own) :]])
 
@@ -174,14 +173,18 @@ def _no_extras(views: Iterable[View]) -> tuple[Floats, ...]:
     return tuple(np.zeros((len(data.rows), 0)) for view in views for data in view.cells.channels)
 
 
-def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
+def weights_at(problem: Problem, predicted: tuple[Floats, ...]) -> tuple[Weights, ...]:
     """The tempered weights of each channel's data, predicted as (m,); none where a clipped cell is reached."""
     channels = [(view.noise, c, data) for view in problem.views for c, data in enumerate(view.cells.channels)]
-    weights = tuple(
+    return tuple(
         weights_of(data, noise, c, here).scaled(1.0 / problem.tempering)
         for (noise, c, data), here in zip(channels, predicted, strict=True)
     )
-    return weigh(weights, problem.extras)
+
+
+def weighing_at(problem: Problem, predicted: tuple[Floats, ...]) -> Weighing:
+    """The same with all that follows from them and the extra columns."""
+    return weigh(weights_at(problem, predicted), problem.extras)
 
 
 def f0_of(problem: Problem, x: Floats) -> Floats:

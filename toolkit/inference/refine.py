@@ -14,8 +14,9 @@ from toolkit.records import Floats
 from toolkit.reflectance.fresnel import TANGENT_F0
 
 from .descend import STANDS_SD, descend, misfit_root, shape_sd
-from .normal import Weighing
+from .normal import Weighing, weigh
 from .problem import Evaluated, Optimum, Problem, f0_of, weights_at
+from .weights import Weights
 
 ROUNDS = 4  # of new weights, at most
 TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is taken: an error of second order
@@ -31,10 +32,11 @@ def refine(
     """
     here = descend(problem, u, weights, cols, lands_sd=lands_sd)
     for _ in range(ROUNDS):
-        weights, problem = weights_at(problem, here.predicted), _tangent_at(here)
+        new, problem = weights_at(problem, here.predicted), _tangent_at(here)
         known = here.columns if problem is here.problem else None
-        if known and _alike(weights, here):
+        if known and _alike(new, here):
             break
+        weights = weigh(new, problem.extras)
         before, here = here, descend(problem, here.at if known else here.u, weights, known, lands_sd=lands_sd)
         moved = np.abs(here.u - before.u)
         if known and np.all(moved <= lands_sd * shape_sd(here.joint, problem.layout)):
@@ -53,13 +55,13 @@ def _tangent_at(optimum: Optimum) -> Problem:
     return replace(problem, fresnel=replace(fresnel, f0=f0))
 
 
-def _alike(weights: Weighing, optimum: Optimum) -> bool:
+def _alike(weights: tuple[Weights, ...], optimum: Optimum) -> bool:
     """Whether new weights could not move the optimum by more than STANDS_SD.
 
     By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
     and by e times the root of the chi-square that is not noise.
     """
-    change = sum(new.change(old) for new, old in zip(weights.weights, optimum.weights.weights, strict=True))
+    change = sum(new.change(old) for new, old in zip(weights, optimum.weights.weights, strict=True))
     counted, tempering = optimum.weights.counted, optimum.problem.tempering
     apart = float(np.sqrt(1.0 / tempering)) + misfit_root(optimum.chi2, counted, tempering)
     return float(np.sqrt(change / max(counted, 1))) * apart <= STANDS_SD

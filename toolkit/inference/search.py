@@ -11,7 +11,7 @@ from toolkit.records import Floats
 from .descend import chi2_at
 from .model import Model, columns_of_many
 from .normal import Weighing, bounded_each, equations, sums_of
-from .problem import Optimum, Problem, weights_at
+from .problem import Optimum, Problem, weighing_at
 from .refine import refine
 
 GRID = 16  # shapes tried along a single shape number, its range's ends among them, before the descent begins
@@ -121,4 +121,4 @@ def _grid(model: Model) -> list[list[Floats]]:
 
 def _provisional(problem: Problem) -> Weighing:
     """Weights before there is a prediction; clipped cells wait until there is one."""
-    return weights_at(problem, tuple(data.value for data in problem.channels))
+    return weighing_at(problem, tuple(data.value for data in problem.channels))

@@ -18,7 +18,7 @@ from .descend import Projection, project
 from .fit import PLAIN, fit
 from .normal import inverse, weigh
 from .nuisances import Shifts, shifted
-from .problem import Optimum, Problem, weights_at
+from .problem import Optimum, Problem, weighing_at
 from .refine import refine
 from .search import beside, search, strides, thinned
 from .sensitivity import sensitivity
@@ -141,7 +141,7 @@ def _begun(problem: Problem, start: Optimum, shifts: Shifts, total: Floats, temp
     views = _views(problem, shifts, total)
     posed = replace(problem, views=views, fresnel=start.problem.fresnel, tempering=tempering)
     columns = posed.columns(start.u, derivatives=True)
-    return project(posed, start.u, weights_at(posed, posed.predict(columns, start.x[: posed.layout.size])), columns)
+    return project(posed, start.u, weighing_at(posed, posed.predict(columns, start.x[: posed.layout.size])), columns)
 
 
 def _tempered(here: Projection, tempering: float) -> Projection:

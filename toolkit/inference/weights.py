@@ -103,6 +103,8 @@ def weights_of(data: ChannelCells, noise: Noise, channel: int, predicted: Floats
     clipped = np.flatnonzero(data.censored)
     short = each[0, clipped]
     each[:, clipped] = 0.0
-    lean = (noise.variance(signal + slopes, channel) - variance) / variance  # -1 or more: no variance is negative
-    found = Weights(each=each.ravel(), lean=np.minimum(lean, 1.0), clipped=clipped, short=short)
+    lean = noise.variance(signal + slopes, channel)
+    lean -= variance
+    lean /= variance  # -1 or more: no variance is negative
+    found = Weights(each=each.ravel(), lean=np.minimum(lean, 1.0, out=lean), clipped=clipped, short=short)
     return found.sided(predicted[clipped] < data.value[clipped])
