@@ -329,8 +329,6 @@ class ModelLayers:
     photograph: Floats
     diffuse: Floats
     specular: Floats
-    model: Floats
-    residual: Floats
     used: NDArray[np.bool_]  # (h, w, 3): on the sphere and not flagged; a fit uses those that are lit and off the limb
     pedestal: Floats  # (3,)
     origin_px: tuple[float, float]
@@ -338,6 +336,18 @@ class ModelLayers:
 
     def __post_init__(self) -> None:
         readonly(self)
+
+    @property
+    def model(self) -> Floats:
+        """What the fit says of the photograph; made each time it is asked for, as the residual is."""
+        both = self.diffuse + self.specular
+        both += self.pedestal.astype(both.dtype)
+        return both
+
+    @property
+    def residual(self) -> Floats:
+        """What the fit leaves of it."""
+        return np.asarray(self.photograph - self.model)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -69,7 +69,7 @@ def _strip(report: MaterialReport) -> str | None:
     layers = report.layers
     if layers is None:
         return None
-    factor = max(1, -(-max(layers.model.shape[:2]) // SIDE_PX))
+    factor = max(1, -(-max(layers.diffuse.shape[:2]) // SIDE_PX))
     photograph, model, diffuse = (shrunk(part, factor) for part in (layers.photograph, layers.model, layers.diffuse))
     tone = tone_of(report, diffuse)
     sigmas = _sigmas(layers, factor, sample_sd(report, model))

@@ -22,7 +22,7 @@ def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
     """
     import OpenEXR
 
-    height, width = layers.model.shape[:2]
+    height, width = layers.diffuse.shape[:2]
     x, y = (round((origin - (layers.step_px - 1) / 2) / layers.step_px) for origin in layers.origin_px)
     header = {
         "compression": OpenEXR.NO_COMPRESSION,
@@ -35,14 +35,15 @@ def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
             file.write(str(path))
     except RuntimeError as error:  # all that OpenEXR says of a disk, which itself says why
         with path.open("ab") as file:
-            file.write(bytes(layers.model.nbytes))
+            file.write(bytes(layers.diffuse.nbytes))
         raise OSError(errno.EIO, "OpenEXR could not write the layers") from error
 
 
 def _channels(layers: ModelLayers) -> dict[str, Floats]:
+    pictures = {name: getattr(layers, name) for name in LAYERS}  # some are made anew each time
     return {
-        f"{name}.{letter}": _dark(np.asarray(getattr(layers, name)[..., channel], np.float32))
-        for name in LAYERS
+        f"{name}.{letter}": _dark(np.asarray(picture[..., channel], np.float32))
+        for name, picture in pictures.items()
         for channel, letter in enumerate("RGB")
     }
 

@@ -69,13 +69,13 @@ def _interval(one: Estimate) -> tuple[float, float]:
 def _left(report: MaterialReport) -> dict[str, float]:
     layers, scene = report.layers, report.scene
     assert layers is not None
-    row, column = np.indices(layers.model.shape[:2]).reshape(2, -1)
+    row, column = np.indices(layers.diffuse.shape[:2]).reshape(2, -1)
     seen = surface(scene.camera, scene.sphere, layers.origin_px[0] + column, layers.origin_px[1] + row)
     towards = scene.lights[0].at(seen.normal)[0]
     lit = np.einsum("ni,ni->n", seen.normal, towards) > MIN_N_DOT_L
     inner = (seen.normal[:, 2] > MIN_N_DOT_V) & lit
     flags = np.stack([plane.flags for plane in report.image.planes], axis=-1)
-    on_ball, fitted = np.isfinite(layers.model), inner.reshape(*layers.model.shape[:2], 1)
+    on_ball, fitted = np.isfinite(layers.model), inner.reshape(*layers.diffuse.shape[:2], 1)
     usable, glare = (flags & ~np.uint8(SampleFlag.GLARE)) == 0, (flags & SampleFlag.GLARE) > 0
 
     def rms(there: Floats) -> float:

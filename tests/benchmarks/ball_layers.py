@@ -103,7 +103,7 @@ def _energy(layers: ModelLayers, own: Fit, others: Sequence[Fit]) -> Energy:
     near = _seen(layers, own.scene, near=True)
     x, y = _pixels(layers)
     there = near.any(axis=-1).ravel()
-    foretold = np.zeros((*layers.model.shape[:2], 3))
+    foretold = np.zeros((*layers.diffuse.shape[:2], 3))
     told = [predict(_in_light_of(own, material), x[there], y[there]).specular for material in others]
     foretold.reshape(-1, 3)[there] = np.mean(told, axis=0)
     irradiance = np.asarray(own.scene.lights[0].irradiance)
@@ -129,7 +129,7 @@ def _in_light_of(own: Fit, others: Fit) -> Fit:
 
 
 def _pixels(layers: ModelLayers) -> tuple[Floats, Floats]:
-    row, column = np.mgrid[: layers.model.shape[0], : layers.model.shape[1]].reshape(2, -1)
+    row, column = np.mgrid[: layers.diffuse.shape[0], : layers.diffuse.shape[1]].reshape(2, -1)
     return layers.origin_px[0] + layers.step_px * column, layers.origin_px[1] + layers.step_px * row
 
 
@@ -142,7 +142,7 @@ def _seen(layers: ModelLayers, scene: Scene, *, near: bool) -> Floats:
     dot = [np.einsum("ni,ni->n", seen.normal, other) for other in (light, seen.view, half)]
     there = seen.on_sphere & (dot[0] > LEAST_N_DOT_L) & (dot[1] > LEAST_N_DOT_V)
     there &= (dot[2] > np.cos(NEAR_RAD)) == near
-    whole = there.reshape(layers.model.shape[:2])[..., None]
+    whole = there.reshape(layers.diffuse.shape[:2])[..., None]
     return np.asarray(whole if near else whole & layers.used.all(axis=-1, keepdims=True))
 
 

@@ -131,7 +131,7 @@ def test_small_layers_fit_the_page(layers: ModelLayers) -> None:
         layers,
         **{
             name: np.repeat(np.repeat(getattr(layers, name), 6, 0), 6, 1)
-            for name in ("photograph", "diffuse", "specular", "model", "residual", "used")
+            for name in ("photograph", "diffuse", "specular", "used")
         },
     )
     shown = small(large)

@@ -188,7 +188,7 @@ def test_layers_lie_in_their_window_of_the_image(report: MaterialReport, tmp_pat
     assert windows["displayWindow"] == [[0, 0], [159, 119]]
     low, high = windows["dataWindow"]
     assert low == [(int(layers.origin_px[0] - 0.5)) // 2, (int(layers.origin_px[1] - 0.5)) // 2]
-    assert (high[1] - low[1] + 1, high[0] - low[0] + 1) == layers.model.shape[:2]
+    assert (high[1] - low[1] + 1, high[0] - low[0] + 1) == layers.diffuse.shape[:2]
     assert set(channels) == {f"{layer}.{c}" for layer in ("diffuse", "specular", "model", "residual") for c in "RGB"}
     on = np.isfinite(layers.model[..., 1])
     assert channels["model.G"].dtype == np.float32

@@ -92,20 +92,16 @@ def layers_of(
     seen = on_sphere(fit.scene.camera, fit.scene.sphere, x[None, :], y[:, None])
     diffuse, specular = _pictures(fit, x, y, seen)
     if places_px is not None:
-        diffuse, specular = (_moved(places_px / step_px, layer) for layer in (diffuse, specular))
+        for layer in (diffuse, specular):
+            _move_to(places_px / step_px, layer)
     if fit.scene.camera.blur_px2 > 0.0:
         specular = _blurred(specular, float(np.sqrt(fit.scene.camera.blur_px2)) / step_px)
-    photograph, pedestal = np.asarray(picture, np.float32), np.asarray(fit.colours["pedestal"])
-    model = diffuse + specular
-    model += pedestal.astype(np.float32)[:, None, None]
     return ModelLayers(
-        photograph=photograph,
+        photograph=np.asarray(picture, np.float32),
         diffuse=np.moveaxis(diffuse, 0, -1),
         specular=np.moveaxis(specular, 0, -1),
-        model=np.moveaxis(model, 0, -1),
-        residual=np.moveaxis(np.moveaxis(photograph, -1, 0) - model, 0, -1),
         used=np.moveaxis(np.moveaxis(used, -1, 0) & seen, 0, -1),
-        pedestal=pedestal.copy(),
+        pedestal=np.array(fit.colours["pedestal"]),
         origin_px=origin_px,
         step_px=step_px,
     )
@@ -117,16 +113,16 @@ def _pictures(fit: Fit, x: Floats, y: Floats, seen: NDArray[np.bool_]) -> tuple[
     A line's places off the sphere are predicted as the sphere's nearest on it, so that numbers stay in their rows.
     """
     diffuse, specular = np.full((2, 3, *seen.shape), np.nan, np.float32)
-    nothing = np.where(seen, np.float32(0), np.float32(np.nan))
     first, last = seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
     middle = mirror_cosine(fit.scene, fit.scene.lights[0])
     for rows in _bands(np.flatnonzero(seen.any(axis=1)), seen.shape[1]):
         columns = slice(int(first[rows].min()), int(last[rows].max()) + 1)
         across = np.clip(x[columns], x[first[rows], None], x[last[rows], None])
         down = np.broadcast_to(y[rows, None], across.shape)
+        nothing = np.where(seen[rows, columns], np.float32(0), np.float32(np.nan))
         part = slice(None), rows, columns
         for layer, values in zip((diffuse, specular), _predict(fit, across.ravel(), down.ravel(), middle), strict=True):
-            np.add(values.reshape(3, *across.shape), nothing[rows, columns], out=layer[part], casting="same_kind")
+            np.add(values.reshape(3, *across.shape), nothing, out=layer[part], casting="same_kind")
     return diffuse, specular
 
 
@@ -145,17 +141,20 @@ def _blurred(layer: Floats, sd: float) -> Floats:
     return np.where(np.isfinite(layer), np.array(dark), layer)
 
 
-def _moved(places: Floats, layer: Floats) -> Floats:
-    """The layer (3, h, w) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays."""
-    moved = layer.copy()
+def _move_to(places: Floats, layer: Floats) -> None:
+    """Move the layer (3, h, w) a fraction of a pixel aside, channel by channel, by its own slope; the limb stays.
+
+    In its place, some lines at a time: memory touched for the first time costs more than the sums.
+    """
     lines = max(CHUNK // layer.shape[2], 2)
-    for channel, to, (dx, dy) in zip(layer, moved, places.astype(np.float32), strict=True):
+    for channel, (dx, dy) in zip(layer, places.astype(np.float32), strict=True):
+        above = channel[:0]
         for start in range(0, len(channel) if dx or dy else 0, lines):
-            above = min(start, 1)  # a line more to either side tells the slope
-            here = channel[start - above : start + lines + 1]
+            to = channel[start : start + lines]
+            here = np.concatenate([above, channel[start : start + lines + 1]])  # a line more tells the slope
             rise, across = np.gradient(here)
             aside = here + dx * across + dy * rise
             np.maximum(aside, 0, out=aside)
-            inner = slice(above, above + lines)
-            np.copyto(to[start : start + lines], aside[inner], where=~np.isnan(aside[inner]))
-    return moved
+            aside = aside[len(above) :][: len(to)]
+            above = to[-1:].copy()
+            np.copyto(to, aside, where=~np.isnan(aside))

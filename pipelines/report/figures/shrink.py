@@ -33,7 +33,7 @@ class Small:
 
 def small(layers: ModelLayers) -> Small:
     """The layers at most 400 pixels wide and high."""
-    factor = max(1, -(-max(layers.model.shape[0], layers.model.shape[1]) // MOST_PX))
+    factor = max(1, -(-max(layers.diffuse.shape[0], layers.diffuse.shape[1]) // MOST_PX))
     return Small(
         photograph=shrunk(layers.photograph, factor),
         diffuse=shrunk(layers.diffuse, factor),
