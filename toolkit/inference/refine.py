@@ -23,18 +23,24 @@ TANGENT_STANDS = 0.003  # of F0, by which it may lie beside where its tangent is
 
 
 def refine(
-    problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | None = None, *, lands_sd: float = STANDS_SD
+    problem: Problem,
+    u: Floats,
+    weights: Weighing,
+    cols: Evaluated | None = None,
+    *,
+    lands_sd: float = STANDS_SD,
+    alike_sd: float = STANDS_SD,
 ) -> Optimum:
     """Descend from a shape, with new weights from the prediction in turn, until both stand.
 
     `cols` are the columns there with their derivatives, where they are known already; `lands_sd` the sds by which
-    the end of a short step may be off that is not looked at again.
+    the end of a short step may be off that is not looked at again, `alike_sd` those that new weights may make of it.
     """
     here = descend(problem, u, weights, cols, lands_sd=lands_sd)
     for _ in range(ROUNDS):
         new, problem = weights_at(problem, here.predicted), _tangent_at(here)
         known = here.columns if problem is here.problem else None
-        if known and _alike(new, here):
+        if known and _could_move_sd(new, here) <= alike_sd:
             break
         weights = weigh(new, problem.extras)
         before, here = here, descend(problem, here.at if known else here.u, weights, known, lands_sd=lands_sd)
@@ -55,8 +61,8 @@ def _tangent_at(optimum: Optimum) -> Problem:
     return replace(problem, fresnel=replace(fresnel, f0=f0))
 
 
-def _alike(weights: tuple[Weights, ...], optimum: Optimum) -> bool:
-    """Whether new weights could not move the optimum by more than STANDS_SD.
+def _could_move_sd(weights: tuple[Weights, ...], optimum: Optimum) -> float:
+    """By how many sds new weights could move the optimum.
 
     By Cauchy and Schwarz weights changed by a share e move it by at most e sds of the noise's part of the residuals,
     and by e times the root of the chi-square that is not noise.
@@ -64,4 +70,4 @@ def _alike(weights: tuple[Weights, ...], optimum: Optimum) -> bool:
     change = sum(new.change(old) for new, old in zip(weights, optimum.weights.weights, strict=True))
     counted, tempering = optimum.weights.counted, optimum.problem.tempering
     apart = float(np.sqrt(1.0 / tempering)) + misfit_root(optimum.chi2, counted, tempering)
-    return float(np.sqrt(change / max(counted, 1))) * apart <= STANDS_SD
+    return float(np.sqrt(change / max(counted, 1))) * apart

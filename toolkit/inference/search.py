@@ -18,6 +18,7 @@ GRID = 16  # shapes tried along a single shape number, its range's ends among th
 DESCENTS = 3  # how many of them are descended from
 MOST_MINIMA = 2  # how many of the optima found are gone on with
 LANDS_SD = 0.3  # sds of so few cells by which a descent may end beside its optimum: their noise puts that further off
+ALIKE_SD = 0.1  # that weights from a prediction may make of it: noise of such a share in weights biases by its square
 SEARCH_CELLS = 700  # enough to tell where to begin, few enough to be cheap
 
 
@@ -38,7 +39,8 @@ def search(few: Problem) -> list[Optimum]:
         return [refine(few, np.zeros(0), weights)]
     apart = 0.1 * np.subtract(*few.model.bounds()[::-1])
     middles = few.seen_in(view.middles() for view in few.views)
-    found = [refine(few, u, weights, lands_sd=LANDS_SD) for u in _starts(middles, weights, apart)[:DESCENTS]]
+    starts = _starts(middles, weights, apart)[:DESCENTS]
+    found = [refine(few, u, weights, lands_sd=LANDS_SD, alike_sd=ALIKE_SD) for u in starts]
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]
