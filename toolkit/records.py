@@ -227,8 +227,9 @@ def scale_of(scenes: Sequence[Scene]) -> Literal["absolute", "relative"]:
 class ColourLayers:
     """What colour alone separates, on the sphere's box of quads (a mosaic's 2 x 2) or pixels.
 
-    Layers are (h, w, 3) radiance, NaN off the sphere; `origin_px` and `step_px` place them as in Plane.
-    `covariance` is of the two coefficients (body, light) of each pixel: (h, w, 3) as var, cov, var.
+    A pixel is `along_body` times the body's colour and `along_light` times the light's, (h, w) radiance, NaN off the
+    sphere; `origin_px` and `step_px` place them as in Plane. `covariance` is that of these two coefficients: (h, w, 3)
+    as var, cov, var.
     """
 
     method: str
@@ -240,8 +241,8 @@ class ColourLayers:
     angle_deg: float
     angle_sd_deg: float
     cluster: Literal["point", "line", "plane", "volume"]
-    diffuse: Floats
-    specular: Floats
+    along_body: Floats
+    along_light: Floats
     covariance: Floats
     residual: Floats  # (h, w), signed distance from the plane of the two colours, radiance
     corner: Floats  # (3,) radiance where the highlight leaves the matte line; NaN where no highlight is seen
@@ -253,6 +254,27 @@ class ColourLayers:
 
     def __post_init__(self) -> None:
         readonly(self)
+
+    @property
+    def diffuse(self) -> Floats:
+        """The body's layer (h, w, 3), radiance; made each time it is asked for, as the light's is."""
+        return _coloured(self.along_body, self.body_colour)
+
+    @property
+    def specular(self) -> Floats:
+        """The light's layer (h, w, 3)."""
+        return _coloured(self.along_light, self.light_colour)
+
+
+def _coloured(along: Floats, colour: Floats) -> Floats:
+    """A coefficient (h, w) in a colour: (h, w, 3), each channel together in memory."""
+    return _made(np.moveaxis(np.multiply.outer(colour.astype(along.dtype), along), 0, -1))
+
+
+def _made(values: Floats) -> Floats:
+    """An array that a record makes when asked, read-only as those that it holds."""
+    values.setflags(write=False)
+    return values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -342,12 +364,12 @@ class ModelLayers:
         """What the fit says of the photograph; made each time it is asked for, as the residual is."""
         both = self.diffuse + self.specular
         both += self.pedestal.astype(both.dtype)
-        return both
+        return _made(both)
 
     @property
     def residual(self) -> Floats:
         """What the fit leaves of it."""
-        return np.asarray(self.photograph - self.model)
+        return _made(self.photograph - self.model)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -61,7 +61,7 @@ def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | Non
     """
     light = np.asarray(colours.light_colour, np.float32)
     used = layers.used[..., 0] & layers.used[..., 1] & layers.used[..., 2]
-    by_colour, by_shape = (_coefficient(layer, light) for layer in (colours.specular, layers.specular))
+    by_colour, by_shape = colours.along_light, _coefficient(layers.specular, light)
     variance, body = colours.covariance[..., 2], np.sqrt(sum(layers.diffuse[..., c] ** 2 for c in range(3)))
     both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & used
     count = _blocks(both.astype(np.float32))

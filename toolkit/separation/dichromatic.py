@@ -60,7 +60,7 @@ def separate(
     line = highlight_line(cloud, body.colour, light) if body.seen else None
     found = _layers(ready, body, light, of_light)
     angle, angle_sd = angle_between(body.colour, body.covariance, light, of_light)
-    flags = verdict(ready, cloud, cluster, body, line, found, light, (angle, angle_sd))
+    flags = verdict(ready, cloud, cluster, body, line, found, (angle, angle_sd))
     found = found.times(ready.unit)
     return ColourLayers(
         method="dichromatic",
@@ -72,8 +72,8 @@ def separate(
         angle_deg=angle,
         angle_sd_deg=angle_sd,
         cluster=cluster.kind,
-        diffuse=found.diffuse,
-        specular=found.specular,
+        along_body=found.along_body,
+        along_light=found.along_light,
         covariance=found.covariance,
         residual=found.residual,
         corner=line.corner * ready.unit if line else np.full(3, np.nan),

@@ -26,13 +26,11 @@ def fill(picture: Samples, layers: Layers, body: Floats, light: Floats) -> Layer
     if not holes.any():
         return layers
     box = _around(holes)
-    part = _hole_rows(picture, layers, body, light, holes, box)
-    diffuse, specular, covariance = (
-        each.copy(order="K") for each in (layers.diffuse, layers.specular, layers.covariance)
+    along_body, along_light, covariance = (
+        each.copy(order="K") for each in (layers.along_body, layers.along_light, layers.covariance)
     )
-    a, s, spread = part
-    diffuse[holes], specular[holes], covariance[holes] = a[:, None] * body, s[:, None] * light, spread
-    return Layers(diffuse=diffuse, specular=specular, covariance=covariance, residual=layers.residual)
+    along_body[holes], along_light[holes], covariance[holes] = _hole_rows(picture, layers, body, light, holes, box)
+    return Layers(along_body=along_body, along_light=along_light, covariance=covariance, residual=layers.residual)
 
 
 def _around(holes: Mask) -> tuple[slice, slice]:
@@ -49,7 +47,7 @@ def _hole_rows(
     picture: Samples, layers: Layers, body: Floats, light: Floats, holes: Mask, box: tuple[slice, slice]
 ) -> tuple[Floats, Floats, Floats]:
     """Coefficients a, s (n,) and covariance (n, 3) of the holes' pixels."""
-    guess = foretell(layers.diffuse[box] @ body, layers.covariance[box][..., 0], holes[box])
+    guess = foretell(layers.along_body[box].astype(float), layers.covariance[box][..., 0], holes[box])
     inside = holes[box]
     a0, of_a0 = guess.value[inside], guess.variance[inside]
     prior = np.where(np.isfinite(of_a0), 1 / of_a0, 0.0)

@@ -32,9 +32,8 @@ def pool(layers: ColourLayers) -> ColourLayers:
 
     Both coefficients are kept from falling below 0. Where nothing was known, the surroundings' values are taken.
     """
-    body, light = layers.body_colour, layers.light_colour
-    unit = unit_of(np.nan_to_num(np.abs(layers.diffuse) + np.abs(layers.specular)))
-    a, s = layers.diffuse @ body / unit, layers.specular @ light / unit
+    unit = unit_of(np.nan_to_num(np.abs(layers.along_body) + np.abs(layers.along_light)))
+    a, s = (along.astype(float) / unit for along in (layers.along_body, layers.along_light))
     whole = np.asarray(layers.covariance, float) / unit / unit
     systematic = _systematic(layers, a, s)
     covariance = np.where(np.isfinite(whole), _noise_alone(whole, systematic), np.inf)
@@ -44,8 +43,8 @@ def pool(layers: ColourLayers) -> ColourLayers:
     return dataclasses.replace(
         layers,
         method=f"{layers.method}, pooled",
-        diffuse=_layer(smooth_a.value * unit, body, off),
-        specular=_layer(smooth_s.value * unit, light, off),
+        along_body=_kept(smooth_a.value * unit, off),
+        along_light=_kept(smooth_s.value * unit, off),
         covariance=np.where(off[..., None], np.nan, (pooled + systematic) * unit**2).astype(np.float32),
     )
 
@@ -84,9 +83,8 @@ def _both(a: Floats, s: Floats, covariance: Floats) -> tuple[Pooled, Pooled, Flo
     return smooth_a, Pooled(value=smooth_s.value, noise=smooth_s.noise, bias=more), slope
 
 
-def _layer(coefficient: Floats, colour: Floats, off: Mask) -> Floats:
-    kept = np.where(off, np.nan, np.maximum(coefficient, 0.0))
-    return (kept[..., None] * colour).astype(np.float32)
+def _kept(coefficient: Floats, off: Mask) -> Floats:
+    return np.where(off, np.nan, np.maximum(coefficient, 0.0)).astype(np.float32)
 
 
 def _systematic(layers: ColourLayers, a: Floats, s: Floats) -> Floats:

@@ -18,14 +18,14 @@ CHUNK = 32768  # pixels at a time: their temporary arrays stay in the processor'
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Layers:
-    """Pictures (h, w, ...) in float32, NaN off the sphere and where fewer than two channels are usable.
+    """Coefficients (h, w) in float32, NaN off the sphere and where fewer than two channels are usable.
 
-    `covariance` (h, w, 3) of the coefficients (a, s) as var, cov, var. `residual` (h, w) is the signed distance from
+    `covariance` (h, w, 3) of the two as var, cov, var. `residual` (h, w) is the signed distance from
     the plane of the two colours, NaN below three channels.
     """
 
-    diffuse: Floats
-    specular: Floats
+    along_body: Floats
+    along_light: Floats
     covariance: Floats
     residual: Floats
 
@@ -38,8 +38,8 @@ class Layers:
             return self
         with np.errstate(over="ignore", under="ignore"):  # float32 ends where the picture's own units are extreme
             return Layers(
-                diffuse=(self.diffuse * np.float64(unit)).astype(np.float32),
-                specular=(self.specular * np.float64(unit)).astype(np.float32),
+                along_body=(self.along_body * np.float64(unit)).astype(np.float32),
+                along_light=(self.along_light * np.float64(unit)).astype(np.float32),
                 covariance=(self.covariance * np.float64(unit) ** 2).astype(np.float32),
                 residual=(self.residual * np.float64(unit)).astype(np.float32),
             )
@@ -53,19 +53,16 @@ def project(
     values, usable, variance = (_channels(each) for each in (picture.values, picture.usable, picture.variance))
     count, each, kind = values.shape[1], variance.shape[1] > 1, values.dtype
     shared = colour_share(body, light, variance, body_covariance, light_covariance).T.astype(kind)
-    diffuse, specular, covariance = np.empty((3, 3, count), np.float32)
-    residual = np.empty(count, np.float32)
-    solver, colours = Solver.of(body, light, kind), np.stack([body, light]).astype(kind)[..., None]
+    along, covariance, residual = (np.empty((rows, count), np.float32) for rows in (2, 3, 1))
+    solver = Solver.of(body, light, kind)
     for start in range(0, count, CHUNK):
         part = slice(start, start + CHUNK)
         found = solver.solve(values[:, part], usable[:, part], variance[:, part] if each else variance)
-        for layer, coefficient, colour in zip((diffuse, specular), found.both, colours, strict=True):
-            np.multiply(coefficient, colour, out=layer[:, part])
+        along[:, part], residual[:, part] = found.both, found.off
         np.add(found.covariance, shared @ np.square(found.both), out=covariance[:, part])
-        residual[part] = found.off
     return Layers(
-        diffuse=np.moveaxis(diffuse.reshape(3, *shape), 0, -1),
-        specular=np.moveaxis(specular.reshape(3, *shape), 0, -1),
+        along_body=along[0].reshape(shape),
+        along_light=along[1].reshape(shape),
         covariance=np.moveaxis(covariance.reshape(3, *shape), 0, -1),
         residual=residual.reshape(shape),
     )
@@ -78,9 +75,9 @@ def _channels(picture: NDArray[Any]) -> NDArray[Any]:
 
 def unknown(picture: Samples) -> Layers:
     """Layers that say nothing: NaN, with infinite variance on the sphere."""
-    nothing = np.full(picture.values.shape, np.nan, np.float32)
-    spread = np.where(picture.on_sphere[..., None], np.array([np.inf, np.nan, np.inf], np.float32), nothing)
-    return Layers(diffuse=nothing, specular=nothing, covariance=spread, residual=nothing[..., 0])
+    nothing = np.full(picture.on_sphere.shape, np.nan, np.float32)
+    spread = np.where(picture.on_sphere[..., None], np.array([np.inf, np.nan, np.inf], np.float32), np.float32(np.nan))
+    return Layers(along_body=nothing, along_light=nothing, covariance=spread, residual=nothing)
 
 
 def colour_share(body: Floats, light: Floats, variance: Floats, of_body: Floats, of_light: Floats) -> Floats:

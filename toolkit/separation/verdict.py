@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.flags import Flag
-from toolkit.records import Floats
 
 from .body import Body
 from .cluster import Cluster
@@ -27,13 +26,12 @@ def verdict(
     body: Body,
     line: HighlightLine | None,
     found: Layers,
-    light: Floats,
     angle: tuple[float, float],
 ) -> tuple[Flag, ...]:
     """Flags of a separation; `angle` between body and light, and its sd, degrees."""
     clipped = 1 - np.count_nonzero(ready.weight) / np.count_nonzero(ready.on_sphere)
     said = {
-        Flag.COLOUR_CANNOT_SEPARATE: _cannot_separate(cluster, body, line, _specular_error(found, light), angle),
+        Flag.COLOUR_CANNOT_SEPARATE: _cannot_separate(cluster, body, line, _specular_error(found), angle),
         Flag.NO_SPECULAR: line is None and body.seen,
         Flag.POOR_FIT: cluster.kind == "volume" or _off_plane(cloud, body),
         Flag.MATTE_LINE_BENT: body.bent,
@@ -62,11 +60,11 @@ def _blind(ready: Samples) -> bool:
     return bool(np.any(ready.on_sphere & ~seen))
 
 
-def _specular_error(found: Layers, light: Floats) -> float:
+def _specular_error(found: Layers) -> float:
     """Relative rms error of the specular layer that its own covariance predicts."""
     some = slice(None, None, max(found.residual.size // 8192, 1))
     variance = found.covariance[..., 2].ravel()[some].astype(float)
-    light_part = np.stack([found.specular[..., c].ravel()[some] for c in range(3)], axis=-1) @ light
+    light_part = found.along_light.ravel()[some].astype(float)
     sound = np.isfinite(variance) & np.isfinite(light_part)
     if not sound.any():
         return np.inf
