@@ -40,12 +40,12 @@ def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
 
 
 def _channels(layers: ModelLayers) -> dict[str, Floats]:
-    pictures = {name: getattr(layers, name) for name in LAYERS}  # some are made anew each time
-    return {
-        f"{name}.{letter}": _dark(np.asarray(picture[..., channel], np.float32))
-        for name, picture in pictures.items()
-        for channel, letter in enumerate("RGB")
-    }
+    found = {}
+    for name in LAYERS:
+        picture = getattr(layers, name)  # one at a time: some are made anew
+        for channel, letter in enumerate("RGB"):
+            found[f"{name}.{letter}"] = _dark(np.asarray(picture[..., channel], np.float32))
+    return found
 
 
 def _dark(layer: Floats) -> Floats:
