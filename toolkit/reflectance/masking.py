@@ -61,7 +61,7 @@ class _Places:
     def filled(self, values: Floats, elsewhere: float) -> Floats:
         """The whole array, of values there and one number everywhere else."""
         found = np.full(self.shape, elsewhere)
-        found.put(self.flat, values)
+        found.reshape(-1)[self.flat] = values
         return found
 
 
