@@ -59,7 +59,8 @@ def mosaic_flags(parts: Sequence[NDArray[Any]], level: Floats) -> list[NDArray[n
     whole = np.empty((len(parts[0]) + len(parts[2]), parts[0].shape[1] + parts[1].shape[1]), bool)
     for (row, column), each in zip(PLACES, clipped, strict=True):
         whole[row::2, column::2] = each
-    flags = _with_bloom(whole, _spread(whole, 1) | _spread(whole, 2))
+    flags, box = np.zeros(whole.shape, np.uint8), _around(whole, 2)
+    flags[box] = _with_bloom(whole[box], _spread(whole[box], 1) | _spread(whole[box], 2))
     return [np.ascontiguousarray(flags[row::2, column::2]) for row, column in PLACES]
 
 
@@ -82,6 +83,13 @@ def colour_flags(stored: NDArray[Any], level: Floats) -> NDArray[np.uint8]:
     if clipped.any():
         flags |= _with_bloom(clipped, _spread(np.any(clipped, axis=2), 1)[..., None])
     return flags
+
+
+def _around(clipped: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """The box that holds all that is clipped, and as many pixels more to every side."""
+    rows, columns = (np.flatnonzero(clipped.any(axis=axis)) for axis in (1, 0))
+    top, left = (max(int(at[0]) - margin, 0) for at in (rows, columns))
+    return slice(top, int(rows[-1]) + margin + 1), slice(left, int(columns[-1]) + margin + 1)
 
 
 def _with_bloom(clipped: NDArray[np.bool_], near: NDArray[np.bool_]) -> NDArray[np.uint8]:
