@@ -42,7 +42,8 @@ def exposure_explains(whole: LinearImage) -> Iterator[None]:
         if not str(error).startswith("no sphere found"):
             raise  # one was seen and says itself what is wrong with it
         blown = count_of(whole, SampleFlag.CLIPPED) / sum(plane.flags.size for plane in whole.planes)
-        brightest = float(np.percentile(_blocks(whole, BLOCK).values.max(axis=2), 99.9))
+        blocks = _blocks(whole, BLOCK).values
+        brightest = float(np.percentile(blocks.max(axis=2), 99.9)) if blocks.size else np.inf
         if blown > BLOWN_SHARE:
             raise BadInputError(
                 f"no sphere found, and {100 * blown:.0f} % of the samples are clipped; expected a ball whose outline "
@@ -94,7 +95,7 @@ def _blocks(image: LinearImage, side: int) -> Blocks:
 
 
 def _means(plane: Plane, rows: int, columns: int, side: int) -> Floats:
-    lines = plane.values[: rows * side, : columns * side].reshape(rows, side, -1).mean(axis=1)
+    lines = plane.values[: rows * side, : columns * side].reshape(rows, side, columns * side).mean(axis=1)
     return np.asarray(lines.reshape(rows, columns, side).mean(axis=2), float)
 
 

@@ -13,9 +13,7 @@ LAYERS = ("diffuse", "specular", "model", "residual")
 
 
 def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
-    """Write float32 scan lines; 0 off the sphere. One sample a quad where a mosaic was fitted.
-
-    Not packed: mantissas are noise to any packer, which takes ten times the time for a tenth of the bytes.
+    """Write float32 scan lines, not packed; 0 off the sphere. One sample a quad where a mosaic was fitted.
 
     displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it. Raises OSError where the
     disk does not take it.

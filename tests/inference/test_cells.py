@@ -24,7 +24,7 @@ from toolkit.inference.weights import weights_of
 from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES
 
-from .ball import NOISE, photograph, radiance_of
+from .ball import NOISE, photograph, radiance_of, replace_light
 from .every import every_sample
 
 
@@ -103,6 +103,30 @@ def test_a_sample_that_is_no_number_is_refused_unless_flagged() -> None:
     assert np.isfinite(gather(image, scene).channels[0].value).all()
     with pytest.raises(ValueError, match="NaN"):
         gather(replace(image, planes=(replace(first, values=values), *others)), scene)
+
+
+@pytest.mark.parametrize(
+    ("sphere", "light"),
+    [
+        ({}, {"direction": (0.0, 0.0, -1.0), "direction_sd_deg": 20.0}),
+        ({"centre_px": (-900.0, -900.0)}, {}),
+        ({"covariance_px2": np.eye(3) * 2500.0}, {}),
+    ],
+    ids=["lit from behind", "out of the picture", "who knows where"],
+)
+def test_a_ball_of_which_nothing_is_usable_has_no_cells(sphere: dict[str, object], light: dict[str, object]) -> None:
+    """None, not an error and not the middle of the picture; what to tell is the caller's to say."""
+    radiance, scene = radiance_of(200)
+    nowhere = replace_light(replace(scene, sphere=replace(scene.sphere, **sphere)), **light)
+    assert len(gather(photograph(radiance, seed=0, mosaic=False), nowhere).x_px) == 0
+
+
+def test_a_strip_of_a_ball_has_cells() -> None:
+    """Six rows of a large one: not as high as the blocks whose moments are worked out all over the picture."""
+    radiance, scene = radiance_of(300)
+    strip = photograph(radiance[147:153], seed=0, mosaic=False)
+    x, y = scene.sphere.centre_px
+    assert len(gather(strip, replace(scene, sphere=replace(scene.sphere, centre_px=(x, y - 147.0)))).x_px) > 60
 
 
 def test_unflagged_spoiling_would_show() -> None:

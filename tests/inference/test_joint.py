@@ -15,14 +15,19 @@ from synthetic.render import render
 from synthetic.scenes import exposed
 from tests.inference.ball import BODY, NOISE, photograph, replace_light, scene_of
 from toolkit.flags import Flag
+from toolkit.inference import shape_grid, surrogate
+from toolkit.inference.blocks import COUNT, blocks_of, by_block
+from toolkit.inference.compare import elpd_blocks
 from toolkit.inference.descend import project
 from toolkit.inference.infer import gather_for, infer_views
 from toolkit.inference.joint import of_photograph
 from toolkit.inference.layers import predict
 from toolkit.inference.model import Model
 from toolkit.inference.nuisances import shifts_of_all
-from toolkit.inference.problem import pose_views
+from toolkit.inference.posterior import sample
+from toolkit.inference.problem import Optimum, pose_views
 from toolkit.inference.settle import fit_with_shifts
+from toolkit.inference.structure import structure_chances
 from toolkit.inference.views import View
 from toolkit.records import Estimate, Fit, Floats, Scene
 
@@ -153,3 +158,36 @@ def test_normal_equations_are_those_of_every_photographs_own_slopes() -> None:
     assert np.abs((optimum.joint - expected) * scale * scale[:, None]).max() < 1e-9
     first, second = (optimum.own(v)[(optimum.own(v) >= len(problem.layout.names))] for v in (0, 1))
     assert not np.any(optimum.joint[np.ix_(first[:-1], second[:-1])])  # the last one is the shape, which is shared
+
+
+def test_what_a_photograph_does_not_depend_on_may_be_left_out_of_it() -> None:
+    """Blocks left out, and structure, by each photograph's own unknowns, are those by all unknowns of both."""
+    pair = views(20.0, 70.0, seed=6, known=True, size_px=120)
+    shifts = shifts_of_all([view.scene for view in pair])
+    optimum, _ = fit_with_shifts(pose_views(Model.named("ggx", "lambert", EXACT), pair), shifts)
+    blocks = by_block(optimum, *(blocks_of(view.scene, view.cells) for view in pair))
+    every = np.arange(len(optimum.joint))
+    whole = tuple(np.zeros((COUNT, len(every), len(every))) for _ in pair)
+    for large, small, own in zip(whole, blocks.information, blocks.own, strict=True):
+        large[:, own[:, None], own] = small
+    apart = elpd_blocks(optimum, blocks)
+    at_once = elpd_blocks(optimum, replace(blocks, own=(every, every), information=whole))
+    assert apart == pytest.approx(at_once, rel=1e-7)
+    assert np.count_nonzero(apart) > COUNT
+    of_all = structure_chances(optimum)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Optimum, "own", lambda self, photograph: every)
+        assert of_all == pytest.approx(structure_chances(optimum), rel=1e-6)
+
+
+def test_a_grid_and_draws_in_parts_are_those_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The posterior of two photographs where only a few shapes and draws fit in memory at a time."""
+    pair = views(20.0, 70.0, seed=6, known=True, size_px=80)
+    optimum, _ = fit_with_shifts(
+        pose_views(Model.named("ggx", "lambert", EXACT), pair), shifts_of_all([view.scene for view in pair])
+    )
+    at_once = sample(optimum, seed=1, effective=500, draws=500)
+    monkeypatch.setattr(surrogate, "MOST_NUMBERS", 3 * optimum.problem.layout.size**2)
+    monkeypatch.setattr(shape_grid, "MOST_NUMBERS", 2 * optimum.problem.layout.size**2)
+    in_parts = sample(optimum, seed=1, effective=500, draws=500)
+    assert in_parts.x == pytest.approx(at_once.x, rel=1e-9, abs=1e-12)

@@ -33,7 +33,7 @@ def test_noise_alone_looks_like_noise() -> None:
     model, chances = Model.named("torrance-sparrow"), []
     for seed in range(24):
         image = photograph(radiance, seed=seed)
-        chances += structure_chances(fit(pose(model, scene, gather(image, scene), NOISE)))
+        chances.append(structure_chances(fit(pose(model, scene, gather(image, scene), NOISE))))
     for way in zip(*chances, strict=True):
         assert kstest(way, "uniform").pvalue > 0.01
         assert min(way) > LEAST_P

@@ -178,7 +178,7 @@ def _wary(scene: Scene) -> _Wary:
     place = _place_sd_px(scene) / scene.sphere.radius_px
     rim = 1.0 - LIMB_MARGIN_PX / scene.sphere.radius_px - WARY_SDS * place
     return _Wary(
-        furthest=float(min(rim, np.sqrt(1.0 - MIN_N_DOT_V**2))),
+        furthest=float(np.clip(rim, 0.0, np.sqrt(1.0 - MIN_N_DOT_V**2))),
         dark=tuple(max(MIN_N_DOT_L, WARY_SDS * (_terminator_sd_rad(light) + place)) for light in scene.lights),
     )
 

@@ -165,13 +165,13 @@ def pyramid(grid: Grid, levels: int) -> list[Level]:
 
 
 def _moments(value: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Of whole blocks of MOMENTS_FROM on a side (3, h, w): the sum of their samples, of x and of y times them.
+    """Of whole blocks of MOMENTS_FROM on a side of samples (h, w): their sums, those of x and of y times them (3, ...).
 
     Two products of matrices, one pass over the pixels.
     """
     side = MOMENTS_FROM
     height, width = (n // side for n in value.shape)
-    rows = _PLACES @ value[: height * side].reshape(height, side, -1)[..., : width * side]
+    rows = _PLACES @ value[: height * side].reshape(height, side, value.shape[1])[..., : width * side]
     both = (rows.reshape(-1, side) @ _PLACES.T).reshape(height, 2, width, 2)
     return np.stack([both[:, 0, :, 0], both[:, 0, :, 1], both[:, 1, :, 0]])
 

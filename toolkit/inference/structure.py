@@ -34,26 +34,32 @@ SMALLEST = 1e-6  # of a pattern's own variance, below which the fit has explaine
 
 
 def structure_p(optimum: Optimum) -> float:
-    """Chance that noise alone leaves as much structure in a photograph's residuals as this fit has left, in either way,
-    in any of them.
-    """
-    chances = [chance for both in structure_chances(optimum) for chance in both]
+    """Chance that noise alone leaves as much structure in the residuals as this fit has left, in either way."""
+    chances = structure_chances(optimum)
     return min(1.0, len(chances) * min(chances))
 
 
-def structure_chances(optimum: Optimum) -> list[tuple[float, float]]:
-    """Of each photograph the chance of as much structure in each channel for itself, and of as much in all of them."""
+def structure_chances(optimum: Optimum) -> tuple[float, float]:
+    """The chance of as much structure in each channel for itself, and of as much in all channels of a photograph.
+
+    Photographs are asked one by one and their statistics added: of a joint fit they are all but independent.
+    """
+    from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
+
     covariance = inverse(optimum.joint)
-    return [_chances(optimum, covariance, v) for v in range(len(optimum.problem.views))]
+    each = [_statistics(optimum, covariance, v) for v in range(len(optimum.problem.views))]
+    plain, alike = (float(chdtrc(*both)) if both[0] else 1.0 for both in np.sum(each, axis=0))
+    return plain, alike
 
 
-def _chances(optimum: Optimum, covariance: Floats, photograph: int) -> tuple[float, float]:
+def _statistics(optimum: Optimum, covariance: Floats, photograph: int) -> Floats:
+    """Degrees of freedom and score statistic of a photograph, of each channel for itself and of all of them (2, 2)."""
     own = optimum.own(photograph)
     channels = [_left(optimum, c, own) for c in range(3 * photograph, 3 * photograph + 3)]
     smooth, waves = _patterns(optimum.problem.views[photograph])
     plain, alike = [(smooth, one) for one in channels], [(np.concatenate([smooth, waves]), _shared(channels))]
     of_own = covariance[own[:, None], own]
-    return _chance(plain, of_own), _chance(alike, of_own)
+    return np.array([_statistic(plain, of_own), _statistic(alike, of_own)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,13 +100,11 @@ def _shared(channels: Sequence[_Left]) -> _Left:
     )
 
 
-def _chance(asked: Sequence[tuple[Floats, _Left]], covariance: Floats) -> float:
-    """Of a score statistic as large as that of patterns (K, N), each in what is left of its own.
+def _statistic(asked: Sequence[tuple[Floats, _Left]], covariance: Floats) -> tuple[float, float]:
+    """Degrees of freedom and score statistic of patterns (K, N), each in what is left of its own.
 
     `covariance` (p, p) is the posterior's, of the unknowns that these depend on.
     """
-    from scipy.special import chdtrc  # chi-square's upper tail, without the second that scipy.stats takes to import
-
     score = np.concatenate([patterns @ left.residual for patterns, left in asked])
     across = np.concatenate([patterns @ left.design.T for patterns, left in asked])
     weighed = [patterns * np.sqrt(left.weight) for patterns, left in asked]
@@ -110,7 +114,7 @@ def _chance(asked: Sequence[tuple[Floats, _Left]], covariance: Floats) -> float:
     values, vectors = np.linalg.eigh(rest * scale[:, None] * scale)
     whole = values > SMALLEST
     projected = vectors[:, whole].T @ (score * scale)
-    return float(chdtrc(whole.sum(), np.sum(projected**2 / values[whole]))) if whole.any() else 1.0
+    return float(whole.sum()), float(np.sum(projected**2 / values[whole]))
 
 
 def _patterns(view: View) -> tuple[Floats, Floats]:

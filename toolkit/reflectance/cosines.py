@@ -104,7 +104,7 @@ def dots(normal: Floats, light: Floats, view: Floats) -> tuple[Floats, Floats, F
 
 def _products(vectors: Floats, others: Floats) -> Floats:
     """Scalar products of vectors (..., 3); with one that is repeated everywhere as a product of matrices."""
-    if any(others.strides[:-1]):
+    if any(others.strides[:-1]) or not others.size:
         return dot(parts_of(vectors), parts_of(others))
     return np.asarray(_first(vectors) @ others[(0,) * (others.ndim - 1)])
 
