@@ -17,11 +17,11 @@ import numpy as np
 
 from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
-from toolkit.inference.normal import inverse, solve
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.posterior import sample
 from toolkit.inference.problem import Optimum
 from toolkit.inference.settle import fit_with_shifts
+from toolkit.inference.solving import inverse, solve
 from toolkit.records import Floats, LinearImage, Scene
 
 from . import adam, rivals

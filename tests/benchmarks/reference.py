@@ -26,8 +26,8 @@ from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.lit import Lit, lit_by
 from toolkit.inference.model import Model
-from toolkit.inference.normal import inverse
 from toolkit.inference.problem import Optimum, Problem, pose
+from toolkit.inference.solving import inverse
 from toolkit.records import Camera, Floats, LinearImage, Noise, Scene, Sphere
 from toolkit.reflectance import LOBES
 

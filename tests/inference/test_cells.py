@@ -18,8 +18,9 @@ from toolkit.inference.infer import gather_for
 from toolkit.inference.lit import lit_by
 from toolkit.inference.model import Model
 from toolkit.inference.moved_light import moved
-from toolkit.inference.normal import inverse, weigh
+from toolkit.inference.normal import weigh
 from toolkit.inference.problem import Optimum, pose
+from toolkit.inference.solving import inverse
 from toolkit.inference.weights import weights_of
 from toolkit.records import LinearImage, Plane, Scene
 from toolkit.reflectance import LOBES

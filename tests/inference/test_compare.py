@@ -83,9 +83,9 @@ def _only(data: ChannelCells, there: np.ndarray) -> ChannelCells:
 
 def _density(optimum: object, held: object) -> float:
     """Log predictive density of held-out cells under a fit that never saw them, linearised at its own optimum."""
+    from toolkit.inference.columns import columns
     from toolkit.inference.lit import lit_by
-    from toolkit.inference.model import columns
-    from toolkit.inference.normal import inverse
+    from toolkit.inference.solving import inverse
 
     problem = optimum.problem
     cols = columns(

@@ -17,10 +17,11 @@ from toolkit.inference.fit import fit
 from toolkit.inference.gather import gather
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
-from toolkit.inference.normal import Prior, bounded, bounded_each, inverse
+from toolkit.inference.normal import Prior
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.inference.settle import fit_with_shifts
+from toolkit.inference.solving import bounded, bounded_each, inverse
 from toolkit.inference.weights import Weights
 from toolkit.records import Fit, Scene
 

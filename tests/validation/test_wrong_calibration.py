@@ -21,10 +21,10 @@ from toolkit.geometry.tangents import tangents
 from toolkit.inference.compare import rank
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.model import Model
-from toolkit.inference.normal import inverse
 from toolkit.inference.nuisances import shifts_of
 from toolkit.inference.problem import pose
 from toolkit.inference.settle import fit_with_shifts
+from toolkit.inference.solving import inverse
 from toolkit.records import Floats, Noise, Scene
 
 SIZE_PX, ROUGHNESS_RAD = 256, 0.12

@@ -12,8 +12,8 @@ import numpy as np
 from toolkit.records import Fit, Floats
 
 from .blocks import COUNT, Blocks
-from .normal import inverse, marginal
 from .problem import Optimum
+from .solving import inverse, marginal
 
 DECIDED_SD = 2.0  # a model is preferred where its lead exceeds its own sd this many times
 EQUAL_SD = 1.0  # up to a lead of so many of its sds the simpler model is as good (Breiman et al. 1984)

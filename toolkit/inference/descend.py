@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .normal import Layout, Normal, Sums, Weighing, bounded, solve, sums_of, weigh
+from .normal import Layout, Normal, Sums, Weighing, sums_of, weigh
 from .problem import Evaluated, Optimum, Problem
+from .solving import bounded, solve
 
 STEPS = 25
 STANDS_SD = 0.01  # sds by which what is left undone may still move the shape

@@ -12,9 +12,9 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .normal import inverse
 from .posterior import Draws
 from .problem import Optimum
+from .solving import inverse
 
 
 def stretch_of(optimum: Optimum, scores: Floats) -> Floats:

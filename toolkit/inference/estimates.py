@@ -12,9 +12,10 @@ from toolkit.reflectance.factor import reflectance_factor
 from toolkit.reflectance.fresnel import reflectance
 
 from .model import mirror_cosine
-from .normal import inverse, numbered
+from .normal import numbered
 from .posterior import Draws
 from .problem import Optimum, f0_of
+from .solving import inverse
 from .views import signal_scale
 
 UNIFORM_SD = 12**-0.5  # of a uniform prior, per unit of its width

@@ -13,10 +13,10 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .normal import inverse
 from .nuisances import Shifts
 from .problem import Optimum, Problem, weighing_at
 from .sensitivity import sensitivity
+from .solving import inverse
 
 Truth = Mapping[str, Floats | float]
 

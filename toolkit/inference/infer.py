@@ -17,11 +17,11 @@ from .estimates import estimates_of, flags_of, named_draws, posterior_draws, sch
 from .gather import gather
 from .joint import on_one_scale
 from .model import Model
-from .normal import inverse
 from .nuisances import Shifts, doubted, scale_told, shifted, shifts_of_all
 from .posterior import CHAINS, Progress, sample
 from .problem import Optimum, pose_views
 from .settle import fit_with_shifts
+from .solving import inverse
 from .structure import LEAST_P, structure_p
 from .tempering import by_noise_alone
 from .views import View

@@ -11,9 +11,9 @@ import numpy as np
 from toolkit.records import Diagnostics, Floats
 
 from .diagnostics import autocorrelation_time, split_r_hat
-from .normal import inverse
 from .problem import Optimum
 from .proposal import GridProposal
+from .solving import inverse
 from .surrogate import Surrogate, surrogate_of
 
 WALKERS = 128

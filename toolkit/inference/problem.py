@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from toolkit.records import Floats, Noise, Scene, scale_of
 
 from .cells import Cells, ChannelCells
-from .model import Columns, Evaluate, Fresnel, Model, columns, fresnel_of, names_of
+from .columns import Columns, Evaluate, columns
+from .model import Fresnel, Model, fresnel_of, names_of
 from .normal import Layout, Normal, Prior, Sums, Weighing, combine, lay_out, sums_of, weigh
 from .priors import prior_of
 from .views import View

@@ -8,11 +8,13 @@ import numpy as np
 
 from toolkit.records import Floats
 
+from .columns import columns_of_many
 from .descend import chi2_at
-from .model import Model, columns_of_many
-from .normal import Weighing, bounded_each, equations, sums_of
+from .model import Model
+from .normal import Weighing, equations, sums_of
 from .problem import Optimum, Problem, weighing_at
 from .refine import refine
+from .solving import bounded_each
 
 GRID = 16  # shapes tried along a single shape number, its range's ends among them, before the descent begins
 DESCENTS = 3  # how many of them are descended from

@@ -16,9 +16,9 @@ from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance.cosines import Cosines, dot, dots, once, parts_of
 
+from .columns import radiance
 from .descend import Projection
 from .lit import Lit, colour_of, lights_of, returned_on
-from .model import radiance
 from .moved_light import MovedLight, moved
 from .nuisances import Shifts, shifted
 from .problem import Optimum

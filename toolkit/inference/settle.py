@@ -16,12 +16,13 @@ from toolkit.records import Floats
 
 from .descend import Projection, project
 from .fit import PLAIN, fit
-from .normal import inverse, weigh
+from .normal import weigh
 from .nuisances import Shifts, shifted
 from .problem import Optimum, Problem, weighing_at
 from .refine import refine
 from .search import beside, search, strides, thinned
 from .sensitivity import sensitivity
+from .solving import inverse
 from .tempering import STANDS, chi2_tempered, next_tempering, stands, tempering_of
 from .views import View
 

@@ -16,7 +16,7 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cells import ChannelCells
-from .model import Evaluate, columns
+from .columns import Evaluate, columns
 from .normal import Sums, equations
 from .problem import Optimum
 from .weights import Weights

@@ -22,8 +22,8 @@ from toolkit.records import Floats
 
 from .cells import Cells
 from .lit import lit_by
-from .normal import inverse
 from .problem import Optimum
+from .solving import inverse
 from .views import View
 
 LEAST_P = 1e-3  # below it the residuals are not taken for noise

@@ -14,10 +14,10 @@ from numpy.polynomial.chebyshev import chebvander
 
 from toolkit.records import Floats
 
-from .model import Evaluate, remembering
-from .normal import inverse, solve
+from .columns import Evaluate, remembering
 from .problem import Optimum
 from .shape_grid import MOST_NUMBERS, solved_on_grid
+from .solving import inverse, solve
 
 REACH_SD = 8.0
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from .blocks import centred, scores_of
 from .descend import misfit_root
-from .normal import inverse, weigh
+from .normal import weigh
 from .problem import Optimum
+from .solving import inverse
 
 STANDS = 1.04  # a factor by which the tempering may still change
 

@@ -97,6 +97,11 @@ def once(values: Floats) -> Floats:
     return values if any(values.strides) else values[(slice(1),) * values.ndim]
 
 
+def constant(values: Floats) -> float | None:
+    """The one value that an array repeats without storing it, as a far light's do; else None."""
+    return None if any(values.strides) else float(values.flat[0])
+
+
 def dots(normal: Floats, light: Floats, view: Floats) -> tuple[Floats, Floats, Floats]:
     """n.l, n.v and l.v of unit vectors (..., 3), not clipped; of vectors that are repeated everywhere once only."""
     return _products(normal, light), _products(normal, view), _products(light, view)
