@@ -50,7 +50,10 @@ def descend(
         else:  # nothing lower along the step: as good as it gets
             status = "converged"
             break
-        here = there
+        gained, here = here.chi2 - there.chi2, there
+        if factor == 1.0 and gained < STANDS_SD**2:  # of sds: steps that only creep along a flat valley
+            status = "converged"
+            break
     return _rest(here, last, status)
 
 
