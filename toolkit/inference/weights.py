@@ -77,12 +77,7 @@ class Weights:
 
     def apart(self, rows: Floats) -> Floats:
         """L times rows of data (..., m): their errors are independent, with `each` for weights."""
-        if not self.lean.size:
-            return rows
-        result, means = rows.copy(), rows[..., None, : self.lean.shape[1]]
-        slopes = result[..., self.lean.shape[1] :].reshape(*rows.shape[:-1], *self.lean.shape)
-        slopes -= self.lean * means
-        return result
+        return np.concatenate([part for part, _ in self.parts(rows)], axis=-1)
 
     def times(self, rows: Floats) -> Floats:
         """The weights, a symmetric matrix, times rows of data (..., m)."""
