@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import emcee
 import numpy as np
 import pytest
 
 from toolkit.inference.diagnostics import autocorrelation_time
-from toolkit.inference.proposal import CELLS, GridProposal
+from toolkit.inference.ensemble import Ensemble
+from toolkit.inference.proposal import Anywhere, GridProposal
 from toolkit.inference.surrogate import Surrogate
 from toolkit.records import Floats
 
@@ -24,16 +27,13 @@ def _parabola() -> Surrogate:
     )
 
 
-def _walk(proposal: GridProposal, *, corrected: bool) -> Floats:
-    """A chain in one dimension of a normal density by that proposal alone, with Hastings' correction or without."""
+def _normal(u: Floats) -> Floats:
+    return np.asarray(-0.5 * u[:, 0] ** 2)
 
-    def propose(places: Floats, random: np.random.RandomState) -> tuple[Floats, Floats]:
-        there, factor = proposal(places, random)
-        return there, factor if corrected else np.zeros_like(factor)
 
-    sampler = emcee.EnsembleSampler(
-        64, 1, lambda u: -0.5 * u[:, 0] ** 2, vectorize=True, moves=emcee.moves.MHMove(propose)
-    )
+def _walk(move: Anywhere) -> Floats:
+    """A chain in one dimension of a normal density by that move alone."""
+    sampler = emcee.EnsembleSampler(64, 1, _normal, vectorize=True, moves=move)
     random = np.random.RandomState(5)  # emcee's kind of generator
     sampler.run_mcmc(emcee.State(random.standard_normal((64, 1)), random_state=random.get_state()), 400)
     return np.asarray(sampler.get_chain(discard=20))
@@ -41,7 +41,9 @@ def _walk(proposal: GridProposal, *, corrected: bool) -> Floats:
 
 def test_a_proposal_of_another_density_leaves_the_chain_its_own() -> None:
     """Mean and sd are the density's within 4 sds of chance; those of the proposal without Hastings' factor."""
-    chain, wrong = (_walk(GridProposal.of(_parabola()), corrected=corrected) for corrected in (True, False))
+    grid = GridProposal.of(_parabola())
+    flat = replace(grid, height=np.ones_like(grid.height))  # draws the same, as if all places were equally likely
+    chain, wrong = _walk(Anywhere(grid, _normal)), _walk(Anywhere(flat, _normal))
     chance = (autocorrelation_time(chain) / chain.size) ** 0.5
     assert abs(chain.mean()) < 4 * chance
     assert chain.std() == pytest.approx(1.0, abs=4 * chance)
@@ -49,14 +51,42 @@ def test_a_proposal_of_another_density_leaves_the_chain_its_own() -> None:
 
 
 def test_proposals_are_drawn_as_their_density_says() -> None:
-    """Mean and sd of what is proposed are the grid's; the factor is its density at the old place over the new, log."""
-    proposal, places = GridProposal.of(_parabola()), np.linspace(-7.9, 7.9, 20_000)[:, None]
-    there, factor = proposal(places, np.random.RandomState(3))
-    assert there.mean() == pytest.approx(CENTRE, abs=4 * SD / len(places) ** 0.5)
-    assert there.std() == pytest.approx(SD, rel=4 / (2 * len(places)) ** 0.5)
-    expected = ((there - CENTRE) ** 2 - (places - CENTRE) ** 2)[:, 0] / (2 * SD**2)
-    steepest = 9.0 / SD**2 * 16.0 / CELLS[1]  # of the log density times a cell: half a cell off at either place
-    assert np.abs(factor - expected).max() < steepest
+    """Mean and sd of what is proposed are the density's, and so is the density that it is told to have."""
+    grid = GridProposal.of(_parabola())
+    places = grid.draw(20_000, np.random.RandomState(3))
+    assert places.mean() == pytest.approx(CENTRE, abs=4 * SD / len(places) ** 0.5)
+    assert places.std() == pytest.approx(SD, rel=4 / (2 * len(places)) ** 0.5)
+    told = grid.log_density(places)
+    expected = -((places[:, 0] - CENTRE) ** 2) / (2 * SD**2)
+    away = told - told.max() - expected + expected.max()
+    assert np.abs(away).max() < 0.01
+
+
+def test_proposals_reach_to_the_ends_of_the_box_and_no_further() -> None:
+    """Of a density that is even over a square each strip along its edge holds what it should, to 4 sds of chance."""
+    flat = Surrogate(
+        low=np.array([-1.0, 2.0]), high=np.array([1.0, 2.5]), coefficients=np.zeros((1, 1, 1)), unknowns=0, error=0.0
+    )
+    places = GridProposal.of(flat).draw(40_000, np.random.RandomState(8))
+    share = (places - flat.low) / (flat.high - flat.low)
+    assert share.min() >= 0.0
+    assert share.max() <= 1.0
+    for end in (share, 1.0 - share):
+        for strip in (0.004, 0.05):
+            chance = (strip / len(share)) ** 0.5
+            assert np.mean(end < strip, axis=0) == pytest.approx([strip, strip], abs=4 * chance)
+
+
+def test_walkers_are_walked_as_emcee_walks_them() -> None:
+    """The sampler that leaves out what emcee does to every number leads to the same bytes."""
+    chains = []
+    for kind in (emcee.EnsembleSampler, Ensemble):
+        sampler = kind(64, 1, _normal, vectorize=True)
+        random = np.random.RandomState(5)
+        state = sampler.run_mcmc(emcee.State(random.standard_normal((64, 1)), random_state=random.get_state()), 20)
+        sampler.run_mcmc(state, 20)
+        chains.append(sampler.get_chain())
+    assert np.array_equal(*chains)
 
 
 @pytest.mark.parametrize("persistence", [0.0, 0.3, 0.8])

@@ -14,7 +14,7 @@ from toolkit.inference.gather import gather
 from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose
-from toolkit.inference.proposal import CELLS
+from toolkit.inference.proposal import POINTS
 from toolkit.inference.surrogate import NODES, _exact, surrogate_of
 from toolkit.records import Floats, Noise
 from toolkit.reflectance import LOBES
@@ -139,5 +139,5 @@ def test_every_pair_of_lobes_can_be_sampled() -> None:
     kinds = [[lobe for lobe in LOBES.values() if lobe.kind == kind] for kind in ("specular", "diffuse")]
     counts = {len(gloss.parameters) + len(body.parameters) for gloss in kinds[0] for body in kinds[1]}
     assert counts <= set(NODES)
-    assert counts - {0} <= set(CELLS)  # without a shape nothing is proposed
+    assert counts - {0} <= set(POINTS)  # without a shape nothing is proposed
     assert max(counts) == 5

@@ -12,7 +12,7 @@ from toolkit.records import Diagnostics, Floats
 
 from .diagnostics import autocorrelation_time, split_r_hat
 from .problem import Optimum
-from .proposal import GridProposal
+from .proposal import Anywhere, GridProposal
 from .solving import inverse
 from .surrogate import Surrogate, surrogate_of
 
@@ -24,7 +24,9 @@ MOST_R_HAT = 1.1  # of a chain to be believed
 MOST_QUADRATURE_ERROR = 0.05  # sds
 GRID = 2001  # places of the quadrature
 MOST_TRIED = 8  # draws of the linear unknowns for one that is wanted
-FIRST = 10  # steps that are thrown away, and the least between two looks at the chain
+FIRST = 10  # steps that are thrown away
+GUESSED_TAU = 1.2  # until the chain tells its own
+ANYWHERE, EVOLVED, STRETCHED = 0.9, 0.07, 0.03  # shares of the moves
 
 Progress = Callable[[str, float], None]
 
@@ -75,21 +77,21 @@ def _walk(
 ) -> tuple[Floats, Diagnostics, bool]:
     import emcee
 
+    from .ensemble import Ensemble
+
     dimensions = len(optimum.u)
-    sampler = emcee.EnsembleSampler(
-        WALKERS, dimensions, surrogate.log_density, vectorize=True, moves=_moves(surrogate, dimensions)
-    )
+    sampler = Ensemble(WALKERS, dimensions, surrogate.log_density, vectorize=True, moves=_moves(surrogate))
     begin = _around_mode(optimum, surrogate, rng)
     state = sampler.run_mcmc(emcee.State(begin, random_state=np.random.RandomState(seed).get_state()), FIRST)
     sampler.reset()
-    tau, wanted = 1.0, max(float(LENGTHS), effective / WALKERS)
-    while sampler.iteration < min(wanted, MOST_STEPS):
+    tau, lengths = GUESSED_TAU, max(float(LENGTHS), effective / WALKERS)
+    while sampler.iteration < min(wanted := lengths * tau, MOST_STEPS):
         done = sampler.iteration
-        state = sampler.run_mcmc(state, int(np.ceil(min(wanted - done, max(FIRST, done / 2), MOST_STEPS - done))))
+        most = max(LENGTHS * GUESSED_TAU, done / 2)
+        state = sampler.run_mcmc(state, int(np.ceil(min(wanted - done, most, MOST_STEPS - done))))
         tau = max(autocorrelation_time(sampler.get_chain()), 1.0)
-        wanted = max(LENGTHS * tau, effective * tau / WALKERS)
         if progress is not None:
-            progress("posterior", min(sampler.iteration / wanted, 1.0))
+            progress("posterior", min(sampler.iteration / (lengths * tau), 1.0))
     chain = sampler.get_chain()
     flat = chain.transpose(1, 0, 2).reshape(-1, dimensions)
     diagnostics = Diagnostics(
@@ -101,7 +103,7 @@ def _walk(
         seed=seed,
         quadrature_error=_quadrature_error(surrogate, flat[:, 0]) if dimensions == 1 else None,
     )
-    return flat, diagnostics, sampler.iteration >= wanted and converged(diagnostics)
+    return flat, diagnostics, sampler.iteration >= lengths * tau and converged(diagnostics)
 
 
 def _around_mode(optimum: Optimum, surrogate: Surrogate, rng: np.random.Generator) -> Floats:
@@ -130,14 +132,17 @@ def _quadrature_error(surrogate: Surrogate, chain: Floats) -> float:
     return max(abs(float(chain.mean()) - mean) / sd, abs(float(chain.std()) / sd - 1.0))
 
 
-def _moves(surrogate: Surrogate, dimensions: int) -> list[tuple[Any, float]]:
+def _moves(surrogate: Surrogate) -> list[tuple[Any, float]]:
     """Proposals from the density on a grid, which forget where a walker stood; and differential evolution and
     stretches, to which that grid means nothing.
     """
     import emcee
 
-    anywhere = emcee.moves.MHMove(GridProposal.of(surrogate), ndim=dimensions)
-    return [(anywhere, 0.8), (emcee.moves.DEMove(), 0.15), (emcee.moves.StretchMove(), 0.05)]
+    return [
+        (Anywhere(GridProposal.of(surrogate), surrogate.log_density), ANYWHERE),
+        (emcee.moves.DEMove(), EVOLVED),
+        (emcee.moves.StretchMove(), STRETCHED),
+    ]
 
 
 def _groups(chain: Floats) -> Floats:
