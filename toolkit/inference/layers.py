@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolkit.geometry.sphere import on_sphere
 from toolkit.records import Fit, Floats, ModelLayers
+from toolkit.reflectance.cosines import once
 from toolkit.reflectance.fresnel import reflectance
 from toolkit.reflectance.lobe import LOBES
 
@@ -38,40 +40,56 @@ def predict(fit: Fit, x_px: Floats, y_px: Floats) -> Prediction:
     diffuse, specular, middle = *np.empty((2, 3, len(x_px))), mirror_cosine(fit.scene, fit.scene.lights[0])
     for start in range(0, len(x_px), CHUNK):
         part = slice(start, start + CHUNK)
-        diffuse[:, part], specular[:, part] = _predict(fit, x_px[part], y_px[part], middle)
+        matte, shine = _sent(fit, x_px[part], y_px[part], middle)
+        _add_up(matte, diffuse[:, part])
+        _add_up(shine, specular[:, part])
     return Prediction(diffuse=diffuse.T, specular=specular.T, pedestal=np.asarray(fit.colours["pedestal"]))
 
 
-def _predict(fit: Fit, x_px: Floats, y_px: Floats, middle: float) -> tuple[Floats, Floats]:
-    """What the two lobes send, (3, N) each; `middle` as for `_specular_colour`."""
+class _Sent(NamedTuple):
+    """What a lobe sends of one light: a colour, (3, N) or (3, 1), times a brightness (N,)."""
+
+    colour: Floats
+    brightness: Floats
+
+
+def _sent(fit: Fit, x_px: Floats, y_px: Floats, middle: float) -> tuple[list[_Sent], list[_Sent]]:
+    """What the two lobes send at pixel coordinates (N,), a light each; `middle` as for `_specular_colour`."""
     body, gloss = LOBES[fit.diffuse], LOBES[fit.model]
     numbers = [fit.shape[p.name] for p in gloss.parameters], [fit.shape[p.name] for p in body.parameters]
-    diffuse, specular = np.zeros((2, 3, len(x_px)))
+    diffuse, specular = [], []
     for lit in lit_by(fit.scene, x_px, y_px, whole=gloss.sees_source):
         matte = body.value(lit.cosines, numbers[1])
         if lit.returned is not None:
             matte = np.maximum(matte + lit.returned, 0.0)  # a first order alone has less than nothing on its far side
-        matte = lit.falloff * matte
-        shine = lit.falloff * gloss.value(lit.cosines, numbers[0], fit.variant)
-        of_gloss = _specular_colour(fit, lit, middle)
-        for c in range(3):
-            diffuse[c] += lit.colour[c] * fit.colours["diffuse_albedo"][c] * matte
-            specular[c] += lit.colour[c] * of_gloss[c] * shine
+        shine = gloss.value(lit.cosines, numbers[0], fit.variant)
+        albedo, light = np.asarray(fit.colours["diffuse_albedo"])[:, None], lit.colour[:, None]
+        diffuse.append(_Sent(light * albedo, lit.falloff * matte))
+        specular.append(_Sent(_specular_colour(fit, lit, light, middle), lit.falloff * shine))
     return diffuse, specular
 
 
-def _specular_colour(fit: Fit, lit: Lit, middle: float) -> Floats:
-    """The specular lobe's colour at each sample (3, N), or (3, 1): Fresnel's factor where the lobe has one.
+def _add_up(lights: list[_Sent], layer: Floats) -> None:
+    """The sum over the lights, into a layer (3, ...) of as many places."""
+    for c, channel in enumerate(layer):
+        total, *others = (one.colour[c] * one.brightness for one in lights)
+        for other in others:
+            total += other
+        channel[...] = total.reshape(channel.shape)
+
+
+def _specular_colour(fit: Fit, lit: Lit, light: Floats, middle: float) -> Floats:
+    """The specular lobe's colour under a light's (3, 1), at each sample where Fresnel's factor varies.
 
     `middle` is the cosine of theta_d in the middle of the highlight, where the strength is told.
     """
     if "specular_albedo" in fit.colours:
-        return np.asarray(fit.colours["specular_albedo"])[:, None]
+        return np.asarray(light * fit.colours["specular_albedo"][:, None])
     f0 = np.nan_to_num(fit.colours["specular_f0"], nan=TYPICAL_F0)[:, None]
     choice, cosine = fit.variant.get("fresnel", "schlick"), lit.cosines.l_dot_h
-    there = reflectance(cosine if any(cosine.strides) else cosine[:1], f0, choice)  # a far light's is one for all
+    there = reflectance(once(cosine), f0, choice)  # a far light's is one for all
     reference = reflectance(np.array(middle), f0, choice)
-    return np.asarray(fit.colours["specular_strength"][:, None] / np.maximum(reference, 1e-12) * there)
+    return np.asarray(light * fit.colours["specular_strength"][:, None] / np.maximum(reference, 1e-12) * there)
 
 
 def layers_of(
@@ -112,18 +130,19 @@ def _pictures(fit: Fit, x: Floats, y: Floats, seen: NDArray[np.bool_]) -> tuple[
 
     A line's places off the sphere are predicted as the sphere's nearest on it, so that numbers stay in their rows.
     """
-    diffuse, specular = np.full((2, 3, *seen.shape), np.nan, np.float32)
+    layers = np.full((2, 3, *seen.shape), np.nan, np.float32)
     first, last = seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
     middle = mirror_cosine(fit.scene, fit.scene.lights[0])
     for rows in _bands(np.flatnonzero(seen.any(axis=1)), seen.shape[1]):
         columns = slice(int(first[rows].min()), int(last[rows].max()) + 1)
         across = np.clip(x[columns], x[first[rows], None], x[last[rows], None])
         down = np.broadcast_to(y[rows, None], across.shape)
-        nothing = np.where(seen[rows, columns], np.float32(0), np.float32(np.nan))
-        part = slice(None), rows, columns
-        for layer, values in zip((diffuse, specular), _predict(fit, across.ravel(), down.ravel(), middle), strict=True):
-            np.add(values.reshape(3, *across.shape), nothing, out=layer[part], casting="same_kind")
-    return diffuse, specular
+        nothing = np.where(seen[rows, columns], 0.0, np.nan).ravel()
+        for layer, lights in zip(layers, _sent(fit, across.ravel(), down.ravel(), middle), strict=True):
+            for one in lights:
+                np.add(one.brightness, nothing, out=one.brightness)
+            _add_up(lights, layer[:, rows, columns])
+    return layers[0], layers[1]
 
 
 def _bands(lines: NDArray[np.intp], width: int) -> Iterator[slice]:
@@ -148,13 +167,22 @@ def _move_to(places: Floats, layer: Floats) -> None:
     """
     lines = max(CHUNK // layer.shape[2], 2)
     for channel, (dx, dy) in zip(layer, places.astype(np.float32), strict=True):
-        above = channel[:0]
-        for start in range(0, len(channel) if dx or dy else 0, lines):
-            to = channel[start : start + lines]
-            here = np.concatenate([above, channel[start : start + lines + 1]])  # a line more tells the slope
-            rise, across = np.gradient(here)
-            aside = here + dx * across + dy * rise
-            np.maximum(aside, 0, out=aside)
-            aside = aside[len(above) :][: len(to)]
-            above = to[-1:].copy()
-            np.copyto(to, aside, where=~np.isnan(aside))
+        if not (dx or dy):
+            continue
+        before, last = 2 * channel[:1] - channel[1:2], 2 * channel[-1:] - channel[-2:-1]  # goes on as at its edges
+        for start in range(0, len(channel), lines):
+            to, after = channel[start : start + lines], channel[start + lines : start + lines + 1]
+            here = np.concatenate([before, to, after if len(after) else last])
+            before = here[-2:-1]
+            aside = to + dx * _slope_along(to)
+            aside += dy * ((here[2:] - here[:-2]) / 2)
+            np.copyto(to, np.clip(aside, 0, np.inf), where=~np.isnan(aside))
+
+
+def _slope_along(lines: Floats) -> Floats:
+    """How much the lines (n, w) rise from sample to sample: numpy's gradient along them, without what it checks."""
+    slope = np.empty_like(lines)
+    np.subtract(lines[:, 2:], lines[:, :-2], out=slope[:, 1:-1])
+    slope /= 2
+    np.subtract(lines[:, [1, -1]], lines[:, [0, -2]], out=slope[:, [0, -1]])
+    return slope
