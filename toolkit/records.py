@@ -8,7 +8,7 @@ camera frame x right, y up, z towards the camera; channels 0, 1, 2 are red, gree
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -370,6 +370,18 @@ class ModelLayers:
     def residual(self) -> Floats:
         """What the fit leaves of it."""
         return _made(self.photograph - self.model)
+
+    def lines(self, rows: slice) -> ModelLayers:
+        """Some lines of them: what is made of few is made in the processor's cache."""
+        x, y = self.origin_px
+        return replace(
+            self,
+            photograph=self.photograph[rows],
+            diffuse=self.diffuse[rows],
+            specular=self.specular[rows],
+            used=self.used[rows],
+            origin_px=(x, y + self.step_px * rows.indices(len(self.used))[0]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -73,6 +73,12 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
+def begin_sync(handle: int, start: int, length: int) -> None:
+    """Ask the disk to take a part of an open file while the rest is made: `sync` then has less to wait for."""
+    if hasattr(os, "posix_fadvise"):  # what is not written yet is kept, and its writing begins
+        os.posix_fadvise(handle, start, length, os.POSIX_FADV_DONTNEED)
+
+
 def _umask() -> int:
     """The process's umask; there is no way to ask but to set it."""
     mask = os.umask(0o077)

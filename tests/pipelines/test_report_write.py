@@ -15,7 +15,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from pipelines.report import write
+from pipelines.report import scanlines, write
 from pipelines.report.folder import whole
 from pipelines.report.layers_exr import write_layers
 from pipelines.report.write import output_names, write_outputs
@@ -138,7 +138,7 @@ def test_a_full_disk_leaves_nothing_and_says_so_in_one_line(report: MaterialRepo
 
 
 def test_layers_that_the_disk_does_not_take_are_an_os_error(report: MaterialReport, tmp_path: Path) -> None:
-    """OpenEXR's own error type, which knows no reason, does not reach the caller; the disk's reason does."""
+    """The disk's reason reaches the caller."""
     assert report.layers is not None
     with full_at(10_000), pytest.raises(OSError, match="File too large"):
         write_layers(tmp_path / "x.exr", report.layers, report.image)
@@ -197,3 +197,28 @@ def test_layers_lie_in_their_window_of_the_image(report: MaterialReport, tmp_pat
     np.testing.assert_allclose(total[on], channels["model.G"][on], rtol=1e-5)
     again = channels["model.G"] + channels["residual.G"]
     np.testing.assert_allclose(again[on], layers.photograph[..., 1][on], rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("at_a_time", [1, 10_000, scanlines.AT_A_TIME])
+def test_the_layers_bytes_are_openexrs_own(
+    report: MaterialReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_a_time: int
+) -> None:
+    """However many lines are made at a time, and wherever the disk is asked to take them; NaN and infinity are 0."""
+    monkeypatch.setattr(scanlines, "AT_A_TIME", at_a_time)
+    monkeypatch.setattr(scanlines, "SENT", 20_000)
+    assert report.layers is not None
+    photograph = report.layers.photograph.copy()
+    photograph[::7] = np.inf
+    layers = replace(report.layers, photograph=photograph)
+    write_layers(tmp_path / "ours.exr", layers, report.image)
+    with OpenEXR.File(str(tmp_path / "ours.exr"), separate_channels=True) as file:
+        window = {name: file.header()[name] for name in ("displayWindow", "dataWindow")}
+    header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage, **window}
+    channels = {
+        f"{name}.{letter}": np.nan_to_num(getattr(layers, name)[..., c], nan=0.0, posinf=0.0, neginf=0.0)
+        for name in ("diffuse", "specular", "model", "residual")
+        for c, letter in enumerate("RGB")
+    }
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(tmp_path / "theirs.exr"))
+    assert (tmp_path / "ours.exr").read_bytes() == (tmp_path / "theirs.exr").read_bytes()
