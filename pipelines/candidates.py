@@ -27,6 +27,7 @@ OTHER_BODIES = ("oren-nayar", "wolff")  # tried with the best model unasked; cos
 Pair = tuple[str, str]  # a specular model with its variant, a diffuse lobe
 Job = Callable[[Pair], Fit]
 Ended = tuple[Pair, Fit]
+Idle = Callable[[Sequence[Fit]], None]
 
 
 def fit_models(
@@ -35,12 +36,13 @@ def fit_models(
     progress: Progress | None,
     *,
     processes: int | None = None,
+    idle: Idle | None = None,
 ) -> tuple[Fit, ...]:
     """One fit to all photographs for every specular and diffuse lobe asked for.
 
     Raises BadInputError where too little of one is lit. Without a diffuse lobe asked for, every model is fitted over
     Lambert, then the best of them over OTHER_BODIES. `processes` work side by side, one a core where None: libraries
-    should have one thread each.
+    should have one thread each. Where they do, `idle` is told of all fits but the last as soon as they are there.
     """
     views = [View.of(scene, usable_cells(image, scene), image.noise) for image, scene in photographs]
 
@@ -58,13 +60,20 @@ def fit_models(
     wanted = [(model, body) for body in settings.fit.diffuse or ("lambert",) for model in settings.fit.models]
     wanted = list(dict.fromkeys(wanted))  # a model asked for twice is one
     others = () if settings.fit.diffuse else OTHER_BODIES
-    tell = _teller(progress, len(wanted) + len(others))
-    with _workers(fit, processes, most=max(len(wanted), len(others))) as each_of:
-        fits: dict[Pair, Fit] = {}
+    fits: dict[Pair, Fit] = {}
+    workers, total = _count(processes, most=max(len(wanted), len(others))), len(wanted) + len(others)
+
+    def ended(pair: Pair, found: Fit) -> None:
+        fits[pair] = found
+        if progress is not None:
+            progress(f"fitted {pair[0]} over {pair[1]}", len(fits) / total)
+        if idle is not None and workers > 1 and len(fits) == total - 1:
+            idle(tuple(fits.values()))
+
+    with _workers(fit, workers) as each_of:
         guess, ahead = "", iter(list[Ended]())
         for pair, found in each_of(wanted):
-            fits[pair] = found
-            tell(pair)
+            ended(pair, found)
             if len(fits) == len(wanted) - 1:  # a core falls idle: the best of all but one is likely that of all
                 guess = _best(wanted, fits)
                 ahead = each_of(_over(guess, others[-1:]))
@@ -72,8 +81,7 @@ def fit_models(
         right = guess == best
         rest = each_of(_over(best, others[:-1] if right else others))
         for pair, found in chain(ahead if right else (), rest):
-            fits[pair] = found
-            tell(pair)
+            ended(pair, found)
         return tuple(fits[pair] for pair in (*wanted, *_over(best, others)[::-1]))
 
 
@@ -87,18 +95,6 @@ def _over(model: str, bodies: Sequence[str]) -> list[Pair]:
     return [(model, body) for body in bodies[::-1]]
 
 
-def _teller(progress: Progress | None, total: int) -> Callable[[Pair], None]:
-    done = 0
-
-    def tell(pair: Pair) -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(f"fitted {pair[0]} over {pair[1]}", done / total)
-
-    return tell
-
-
 _job: Job | None = None  # what the children of a fork find where the parent left it
 
 
@@ -108,31 +104,38 @@ def _run(pair: Pair) -> Ended:
     return pair, _job(pair)
 
 
+def _count(processes: int | None, *, most: int) -> int:
+    """How many fits are made side by side: one where this process may have no children."""
+    if multiprocessing.current_process().daemon or os.environ.get(ALONE):
+        return 1
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    return min(processes or cores, most)
+
+
 @contextmanager
-def _workers(fit: Job, processes: int | None, *, most: int) -> Iterator[Callable[[Sequence[Pair]], Iterator[Ended]]]:
-    """What gives fits as they end: in forks of this process where it may have children, begun at once, side by side;
-    else one by one, each when it is asked for.
+def _workers(fit: Job, workers: int) -> Iterator[Callable[[Sequence[Pair]], Iterator[Ended]]]:
+    """What gives fits as they end: in forks of this process, begun at once, side by side; of a single worker one by
+    one, each when it is asked for.
 
     On an interrupt the forks end at once instead of with their work.
     """
     global _job  # a fork inherits it, with the photograph, at no cost
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    workers = min(processes or cores, most)
-    if workers < 2 or multiprocessing.current_process().daemon or os.environ.get(ALONE):
+    if workers < 2:
         yield lambda pairs: ((pair, fit(pair)) for pair in pairs)
         return
     _job, others = fit, set(multiprocessing.active_children())
     fork = multiprocessing.get_context("fork")
+    pool = ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent)
     try:
-        with ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent) as pool:
-            try:
-                yield partial(_begun, pool)
-            except BaseException:
-                for child in set(multiprocessing.active_children()) - others:
-                    child.terminate()
-                raise
+        yield partial(_begun, pool)
+    except BaseException:
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        pool.shutdown()
+        raise
     finally:
         _job = None
+    pool.shutdown(wait=False)  # nobody waits for the forks to tidy up
 
 
 def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Ended]:

@@ -6,19 +6,21 @@ file -> RawFrame -> LinearImage -> Scene -> Fits (with their posteriors) -> Colo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from toolkit.records import MaterialReport, Photograph
+from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
 
 if TYPE_CHECKING:
     from toolkit.radiometry.quads import Quads
+
+Drawn = Callable[[int, LinearImage, ModelLayers], None]
 
 
 def fit_material(
@@ -34,12 +36,18 @@ def fit_material(
 
 
 def fit_jointly(
-    asked: Sequence[tuple[Path, Settings]], *, progress: Progress | None = None, processes: int | None = None
+    asked: Sequence[tuple[Path, Settings]],
+    *,
+    progress: Progress | None = None,
+    processes: int | None = None,
+    drawn: Drawn | None = None,
 ) -> MaterialReport:
     """Fit every model to several photographs of one material at once, each under its own settings.
 
     They share the shape and the colours; light, sphere, black level and unknown irradiance are each one's own. What
-    is fitted the first one's settings say.
+    is fitted the first one's settings say. `drawn(number, image, layers)` is told of each photograph's layers of the
+    best fit as soon as they are there, from another thread and before the report is: they are what takes longest to
+    write.
     """
     clock, settings = Clock(progress), asked[0][1]
     looked = [_look(path, own, clock) for path, own in asked]
@@ -55,25 +63,34 @@ def fit_jointly(
     from .srgb import colour_of
 
     # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
-    with threadpool_limits(1):
+    with threadpool_limits(1), ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: another core's work
+        early: list[tuple[Fit, Future[ModelLayers]]] = []
+
+        def idle(fits: Sequence[Fit]) -> None:
+            likely = fits[rank(tuple(fits))[0]]
+            early.append((likely, beside.submit(layers_of_fit, looked[0][0].image, looked[0][1], likely)))
+
         with clock.stage("fit"):
-            fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes)
+            fits = fit_models(
+                [(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes, idle=idle
+            )
             best, preferred, lead = rank(fits)
         seen = []
         for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
             mine = of_photograph(fits[best], v)
-            with ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: two pictures, two cores
-                drawn = beside.submit(layers_of_fit, one.image, picture, mine)
-                with clock.stage("separate"):
-                    separation = separate_colours(
-                        one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
-                    )
-                    colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
-                    shown = shown_flags(one.image, one.scene)
-                with clock.stage("layers"):
-                    layers = drawn.result()
-                    agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
-                    full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
+            ahead = [layers for fit, layers in early if fit is mine]
+            drawing = ahead[0] if ahead else beside.submit(layers_of_fit, one.image, picture, mine)
+            telling = beside.submit(_tell, drawn, v, one.image, drawing)
+            with clock.stage("separate"):
+                separation = separate_colours(
+                    one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
+                )
+                colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+                shown = shown_flags(one.image, one.scene)
+            with clock.stage("layers"):
+                layers = telling.result()
+                agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
+                full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
             seen.append(replace(full, flags=one.flags + quality_flags(full, shown, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
@@ -91,6 +108,13 @@ def fit_jointly(
         colour=seen[0].colour,
         photographs=tuple(seen) if len(seen) > 1 else (),
     )
+
+
+def _tell(drawn: Drawn | None, number: int, image: LinearImage, drawing: Future[ModelLayers]) -> ModelLayers:
+    layers = drawing.result()
+    if drawn is not None:
+        drawn(number, image, layers)
+    return layers
 
 
 def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:

@@ -7,7 +7,9 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 from pipelines.files import digest_of
 from pipelines.report.stored import read_result
@@ -18,6 +20,10 @@ from toolkit.errors import BadInputError, FitMaterialError
 from .card import SUFFIX, read_card, write_card
 from .job import Job, Outcome, digest_of_all, settings_digest
 from .places import inside
+
+if TYPE_CHECKING:
+    from pipelines.report.write import Write
+    from toolkit.records import MaterialReport
 
 
 def fit_one(job: Job) -> Outcome:
@@ -98,22 +104,14 @@ def result_of(job: Job) -> Path:
 def _made(job: Job, key: Mapping[str, str], begin: float) -> Outcome:
     from threadpoolctl import threadpool_limits
 
-    from pipelines.fit_material import fit_jointly
-    from pipelines.report.write import write_outputs
+    from pipelines.run import run
 
-    result_of(job)
+    def card(report: MaterialReport) -> dict[str, Write]:
+        return {SUFFIX: partial(write_card, report=report, key=key)}
+
+    result = result_of(job)
     with threadpool_limits(1), _one_opencv_thread():
-        report = fit_jointly(job.asked, processes=1)
-        settings, *others = (own for _, own in job.asked)
-        result = write_outputs(
-            report,
-            job.out / job.place,
-            settings,
-            others=others,
-            page=job.page,
-            exports=job.exports,
-            beside={SUFFIX: lambda path: write_card(path, report, key)},
-        )
+        run(job.asked, job.out / job.place, page=job.page, exports=job.exports, processes=1, beside=card)
     return _judged(job, key, "done", digest_of(result), time.perf_counter() - begin)
 
 

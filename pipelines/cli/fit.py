@@ -163,7 +163,7 @@ def _one(images: Sequence[Path], out: Path, run: Run) -> int:
         if run.terminal.json:
             run.terminal.object(finished, lines=run.output.jsonl)
         return 0
-    return _tell(_fit_and_write(asked, out, run), asked, out, run)
+    return _tell(*_fit_and_write(asked, out, run), out, run)
 
 
 def _refuse_unlike(asked: Sequence[Asked]) -> None:
@@ -174,32 +174,18 @@ def _refuse_unlike(asked: Sequence[Asked]) -> None:
             raise UsageError(f"--joint: [fit] of {image} differs from that of {first}; expected the same for all")
 
 
-def _fit_and_write(asked: Sequence[Asked], out: Path, run: Run) -> MaterialReport:
-    from pipelines.fit_material import fit_jointly, fit_material
-    from pipelines.report.write import write_outputs
+def _fit_and_write(asked: Sequence[Asked], out: Path, run: Run) -> tuple[MaterialReport, Mapping[str, Any]]:
+    from pipelines.run import run as run_whole
 
-    (image, settings), *others = asked
-    with run.terminal.progress(image.name) as progress:
-        report = fit_jointly(asked, progress=progress) if others else fit_material(image, settings, progress=progress)
-        progress("writing", 1.0)
-        write_outputs(
-            report,
-            out,
-            settings,
-            others=[own for _, own in others],
-            page=not run.output.no_report,
-            exports=run.output.export,
-        )
-    return report
+    with run.terminal.progress(asked[0][0].name) as progress:
+        return run_whole(asked, out, page=not run.output.no_report, exports=run.output.export, progress=progress)
 
 
-def _tell(report: MaterialReport, asked: Sequence[Asked], out: Path, run: Run) -> int:
+def _tell(report: MaterialReport, result: Mapping[str, Any], out: Path, run: Run) -> int:
     """The result on stdout, as an object or as a table; returns the exit code."""
-    from pipelines.report.result import result_object
     from pipelines.report.table import print_table
     from pipelines.report.text import stem
 
-    result = result_object(report, asked[0][1], [own for _, own in asked[1:]])
     if run.terminal.json:
         run.terminal.object(result, lines=run.output.jsonl)
     elif not run.terminal.quiet:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import glob
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from toolkit.records import LinearImage, MaterialReport, ModelLayers
+from toolkit.records import LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .folder import sync, whole
 from .result import finite, result_object, result_text
@@ -34,25 +36,77 @@ def write_outputs(
     others: Sequence[Settings] = (),
     page: bool = True,
     exports: Sequence[str] = (),
-    beside: Mapping[str, Write] | None = None,
 ) -> Path:
-    """Write STEM.json and its companions into `out_dir`, made where it does not exist; the path of STEM.json.
+    """Write STEM.json and its companions into `out_dir`, as `writing` does; the path of STEM.json."""
+    with writing(out_dir, page=page, exports=exports) as files:
+        files.rest(report, settings, others=others)
+    return out_dir / f"{stem(report.image.name)}.json"
 
-    `exports` are names of `pipelines.export.EXPORTERS`; `beside` writes further files, by suffix. Files of the
-    same names are replaced; whether that is wanted is the caller's to ask. What an earlier run with the same stem
-    left and this one does not make goes. Of a joint fit, `others` are the settings of the photographs after the
-    first; their settings and layers are numbered: `STEM.layers-2.exr`.
+
+@contextmanager
+def writing(out_dir: Path, *, page: bool = True, exports: Sequence[str] = ()) -> Iterator[Files]:
+    """The files of one result, in `out_dir` once this is left without an error; it is made where it does not exist.
+
+    `exports` are names of `pipelines.export.EXPORTERS`. Files of the same names are replaced; whether that is wanted
+    is the caller's to ask. What an earlier run with the same stem left and this one does not make goes.
     Raises UsageError for an unknown export or a folder that cannot be written to, FitMaterialError on a full disk.
     """
-    name = stem(report.image.name)
-    writers = {**_writers(report, settings, others, page=page, exports=exports), **(beside or {})}
-    with whole(out_dir, last=f"{name}.json") as draft:
-        with ThreadPoolExecutor(TOGETHER) as pool:
-            taken = [pool.submit(_timed, write, draft / f"{name}{suffix}") for suffix, write in writers.items()]
-        seconds = {suffix: one.result() for suffix, one in zip(writers, taken, strict=True)}
-        _write_run(draft / f"{name}.run.json", report, seconds)
-    _remove_stale(out_dir, name, {*writers, ".run.json"})
-    return out_dir / f"{name}.json"
+    with ExitStack() as held:
+        files = Files(out_dir=out_dir, page=page, exports=exports, held=held)
+        yield files
+    _remove_stale(out_dir, files.name, {*files.begun, ".run.json"})
+
+
+@dataclass(slots=True, kw_only=True)
+class Files:
+    """The files of one result in the making: each is begun as soon as what it holds is there, the layers first."""
+
+    out_dir: Path
+    page: bool
+    exports: Sequence[str]
+    held: ExitStack  # what is closed in the end: the threads that write, then the draft
+    name: str = ""  # the stem of all of them
+    begun: dict[str, Future[float]] = field(default_factory=dict)  # by suffix, the seconds it takes
+    place: tuple[Path, ThreadPoolExecutor] | None = None  # not before the first: a fit that fails leaves no trace
+
+    def layers(self, number: int, image: LinearImage, layers: ModelLayers) -> None:
+        """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files."""
+        self.name = self.name or stem(image.name)
+        self._begin(_layers_suffix(number), partial(_layers, layers, image))
+
+    def rest(
+        self,
+        report: MaterialReport,
+        settings: Settings | None = None,
+        *,
+        others: Sequence[Settings] = (),
+        beside: Mapping[str, Write] | None = None,
+    ) -> dict[str, Any]:
+        """Write what is not begun, and wait for all; the object of STEM.json.
+
+        `beside` writes further files, by suffix. Of a joint fit, `others` are the settings of the photographs after
+        the first; their settings and layers are numbered: `STEM.layers-2.exr`.
+        """
+        self.name = stem(report.image.name)
+        writers = _writers(report, settings, others, page=self.page, exports=self.exports)
+        for suffix, write in {**writers, **(beside or {})}.items():
+            if suffix not in self.begun:
+                self._begin(suffix, write)
+        result = result_object(report, settings, others)
+        self._begin(".json", partial(_text_of, result_text, result))
+        seconds = {suffix: one.result() for suffix, one in self.begun.items()}
+        _write_run(self._draft()[0] / f"{self.name}.run.json", report, seconds)
+        return result
+
+    def _begin(self, suffix: str, write: Write) -> None:
+        folder, pool = self._draft()
+        self.begun[suffix] = pool.submit(_timed, write, folder / f"{self.name}{suffix}")
+
+    def _draft(self) -> tuple[Path, ThreadPoolExecutor]:
+        if self.place is None:
+            folder = self.held.enter_context(whole(self.out_dir, last=f"{self.name}.json"))
+            self.place = folder, self.held.enter_context(ThreadPoolExecutor(TOGETHER))
+        return self.place
 
 
 def output_names(image_name: str, *, exports: Sequence[str] = ()) -> list[str]:
@@ -63,22 +117,18 @@ def output_names(image_name: str, *, exports: Sequence[str] = ()) -> list[str]:
 def _writers(
     report: MaterialReport, settings: Settings | None, others: Sequence[Settings], *, page: bool, exports: Sequence[str]
 ) -> dict[str, Write]:
-    """What is written, by suffix; what the report cannot fill is left out."""
-    from .layers_exr import write_layers
+    """What is written beside STEM.json, by suffix; what the report cannot fill is left out."""
     from .posterior import write_posterior
 
-    layers = report.layers
     writers: dict[str, Write] = {}  # what takes longest first, so that no core waits for the other
-    if layers is not None:
-        writers[".layers.exr"] = lambda path: write_layers(path, layers, report.image)
-    for number, one in enumerate(report.photographs[1:], start=2):
+    shown: Sequence[MaterialReport | Photograph] = report.photographs or (report,)
+    for number, one in enumerate(shown):
         if one.layers is not None:
-            writers[f".layers-{number}.exr"] = partial(_layers, one.layers, one.image)
+            writers[_layers_suffix(number)] = partial(_layers, one.layers, one.image)
     if page:
         writers[".html"] = lambda path: _page(path, report, settings)
     if report.fits:
         writers[".posterior.nc"] = lambda path: write_posterior(path, report)
-    writers[".json"] = lambda path: _text(path, result_text(result_object(report, settings, others)))
     if settings is not None:
         writers[".settings.toml"] = lambda path: _text(path, _settings_text(settings))
     for number, own in enumerate(others, start=2):
@@ -114,6 +164,10 @@ def _export_writers(report: MaterialReport, exports: Sequence[str]) -> dict[str,
 
 def _text_of(text: Callable[[Subject], str], subject: Subject, path: Path) -> None:
     _text(path, text(subject))
+
+
+def _layers_suffix(number: int) -> str:
+    return f".layers-{number + 1}.exr" if number else ".layers.exr"
 
 
 def _layers(layers: ModelLayers, image: LinearImage, path: Path) -> None:

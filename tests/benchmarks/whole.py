@@ -46,15 +46,12 @@ def shoot(path: Path) -> None:
 
 def ours(path: Path, out: Path) -> None:
     """Settings, fit, result files and the object that --json prints."""
-    from pipelines.fit_material import fit_material
     from pipelines.layers import resolve
-    from pipelines.report.result import result_object, result_text
-    from pipelines.report.write import write_outputs
+    from pipelines.report.result import result_text
+    from pipelines.run import run
 
-    settings = resolve(path)
-    report = fit_material(path, settings)
-    write_outputs(report, out, settings, page=False)
-    result_text(result_object(report, settings))
+    _, result = run([(path, resolve(path))], out, page=False)
+    result_text(result)
 
 
 def theirs(path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,8 @@ class Fake:
     calls: list[tuple[str, Settings]]
     answer: Callable[[Path], MaterialReport | BaseException]
 
-    def __call__(self, path: Path, settings: Settings, *, progress: Any = None) -> MaterialReport:
+    def __call__(self, asked: Sequence[tuple[Path, Settings]], *, progress: Any = None, **_: Any) -> MaterialReport:
+        ((path, settings),) = asked
         self.calls.append((path.name, settings))
         if progress is not None:
             progress("fit", 0.5)
@@ -62,7 +63,7 @@ def job(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Fake:
     from pipelines.report import write
 
     fake = Fake(calls=[], answer=clean_report)
-    monkeypatch.setattr("pipelines.fit_material.fit_material", fake)
+    monkeypatch.setattr("pipelines.fit_material.fit_jointly", fake)
     kept = {".json", ".settings.toml"}
     writers = write._writers
     monkeypatch.setattr(
