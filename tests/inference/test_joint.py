@@ -187,7 +187,7 @@ def test_a_grid_and_draws_in_parts_are_those_at_once(monkeypatch: pytest.MonkeyP
         pose_views(Model.named("ggx", "lambert", EXACT), pair), shifts_of_all([view.scene for view in pair])
     )
     at_once = sample(optimum, seed=1, effective=500, draws=500)
-    monkeypatch.setattr(surrogate, "MOST_NUMBERS", 3 * optimum.problem.layout.size**2)
+    monkeypatch.setattr(surrogate, "CACHED", 3 * optimum.problem.layout.size**2)
     monkeypatch.setattr(shape_grid, "MOST_NUMBERS", 2 * optimum.problem.layout.size**2)
     in_parts = sample(optimum, seed=1, effective=500, draws=500)
     assert in_parts.x == pytest.approx(at_once.x, rel=1e-9, abs=1e-12)

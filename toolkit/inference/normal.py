@@ -156,8 +156,9 @@ class Sums:
         return replace(self, products=self.products[some], data=self.data[some], across=self.across[some])
 
     def mixed(self, mix: Floats) -> Sums:
-        """Those of rows that are sums (l, m) of these, without the extra columns."""
-        return replace(self, products=mix @ self.products @ mix.T, data=self.data @ mix.T)
+        """Those of rows that are sums (l, m) of these."""
+        products = mix @ self.products @ mix.T
+        return replace(self, products=products, data=self.data @ mix.T, across=self.across @ mix.T)
 
 
 def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], weighing: Weighing) -> tuple[Sums, ...]:

@@ -21,7 +21,7 @@ from .normal import Sums, equations
 from .problem import Optimum
 from .weights import Weights
 
-BODY = 1  # the row of a table of columns that is the body lobe's; the others are the highlight's, or no lobe's
+BODY = 1  # the column that is the body lobe's; the others are the highlight's, or no lobe's
 RIDGE = 1e-13  # of a diagonal of ones
 MOST_NUMBERS = 2**23  # in the matrices that are worked on at once
 
@@ -94,34 +94,35 @@ def _sums_of(optimum: Optimum, photograph: int, axes: Floats, evaluate: Evaluate
     cols = [columns(problem.model, problem.fresnel, view.lights, view.cells, u, evaluate=evaluate) for u in shapes]
     sums = []
     for c, data in enumerate(view.cells.channels):
-        tables, of_all = [one[c].table for one in cols], 3 * photograph + c
-        bodies_of = np.stack([table[BODY] for table in tables[: len(bodies)]])
+        rows, mix, of_all = [one[c].rows for one in cols], cols[0][c].mix[0], 3 * photograph + c
+        body = int(np.flatnonzero(mix[BODY])[0])
+        bodies_of = np.stack([each[body] for each in rows[: len(bodies)]])
         weights, weighted = optimum.weights.weights[of_all], optimum.weights.weighted[of_all]
-        sums.append(_sums(tables[: len(glosses)], bodies_of, data, weights, weighted))
+        sums.append(_sums(rows[: len(glosses)], bodies_of, body, data, weights, weighted).mixed(mix))
     return sums
 
 
-def _sums(tables: Sequence[Floats], body: Floats, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
+def _sums(tables: Sequence[Floats], bodies: Floats, body: int, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
     """One channel's sums at all m b shapes.
 
-    Of the `tables` (k + 1, n), m of them, all but the body's column is taken; `body` (b, n) are the body's columns,
-    `extra` (q, n) are the extra columns times the weights.
+    Of the `tables` (r, n), m of them, all but the row `body` is taken; `bodies` (b, n) are what that is at the body's
+    shapes, `extra` (q, n) are the extra columns times the weights.
     """
-    m, b, rows = len(tables), len(body), len(tables[0])
-    of_body, value = w.apart(body), w.apart(data.value)
-    value_w, others = value * w.each, np.delete(np.arange(rows), BODY)
+    m, b, rows = len(tables), len(bodies), len(tables[0])
+    of_body, value = w.apart(bodies), w.apart(data.value)
+    value_w, others = value * w.each, np.delete(np.arange(rows), body)
     products, told, across = np.empty((m, b, rows, rows)), np.empty((m, b, rows)), np.empty((m, b, len(extra), rows))
-    products[..., BODY, BODY] = np.einsum("bn,n,bn->b", of_body, w.each, of_body)
-    told[..., BODY], across[..., BODY] = of_body @ value_w, body @ extra.T
+    products[..., body, body] = np.einsum("bn,n,bn->b", of_body, w.each, of_body)
+    told[..., body], across[..., body] = of_body @ value_w, bodies @ extra.T
     for i, table in enumerate(tables):
         gloss = table[others]
         apart = w.apart(gloss)
         weighted = apart * w.each
         products[i][..., others[:, None], others] = weighted @ apart.T
-        products[i][..., BODY, others] = of_body @ weighted.T
+        products[i][..., body, others] = of_body @ weighted.T
         told[i][..., others] = apart @ value_w
         across[i][..., others] = extra @ gloss.T
-    products[..., others, BODY] = products[..., BODY, others]
+    products[..., others, body] = products[..., body, others]
     return Sums(
         products=products.reshape(m * b, rows, rows),
         data=told.reshape(m * b, rows),

@@ -2,7 +2,7 @@
 
 Within a few sd of the mode the normal equations are very smooth functions of the shape. Solved exactly on a grid of
 Chebyshev's points, they are interpolated everywhere between: the sampler then never touches the data again, whatever
-the lobes, lights and number of samples. The grid gets finer until every second of its points foretells the others.
+the lobes, lights and number of samples. The grid gets finer until the lower two thirds of the polynomial tell as much.
 """
 
 from __future__ import annotations
@@ -11,19 +11,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
+from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
 from .columns import Evaluate, remembering
 from .problem import Optimum
-from .shape_grid import MOST_NUMBERS, solved_on_grid
+from .shape_grid import solved_on_grid
 from .solving import inverse, solve
 
 REACH_SD = 8.0
+FALL = REACH_SD**2 / 2  # of the log density, over so many sds of a normal one
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
+CACHED = 2**16  # numbers in the factors that draws are made with at once
 SHORTENINGS = 6
-NODES = {0: (1,), 1: (9, 17, 33, 65), 2: (9, 17), 3: (5, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
+SURE = 2  # shape numbers of a grid that is cheap enough to be laid anew and fine enough to be believed
+NODES = {0: (1,), 1: (7, 13, 33, 65), 2: (7, 17), 3: (7, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,7 +38,7 @@ class Surrogate:
     high: Floats  # (D,)
     coefficients: Floats  # (nodes,) * D + (1 + P + P (P + 1) / 2,)
     unknowns: int
-    error: float  # largest error of the log density told by half as many nodes
+    error: float  # largest error of the log density told by fewer of the coefficients
 
     def log_density(self, u: Floats) -> Floats:
         """Log density, up to a constant, at shapes (S, D); minus infinity outside the box."""
@@ -56,7 +60,7 @@ class Surrogate:
     def draws(self, u: Floats, standard: Floats) -> Floats:
         """Draws (S, P) of the linear unknowns given shapes (S, D), from standard normal ones (S, P)."""
         result = np.empty(standard.shape)
-        few = max(MOST_NUMBERS // self.unknowns**2, 1)
+        few = max(CACHED // self.unknowns**2, 1)
         for first in range(0, len(u), few):
             some = slice(first, first + few)
             mean, factor = self.conditional(u[some])
@@ -81,34 +85,52 @@ def surrogate_of(optimum: Optimum) -> Surrogate:
     """Interpolate around an optimum; wider than the bounds nowhere, and as fine as the density asks for."""
     parts = sum(len(view.lights) for view in optimum.problem.views)
     evaluate = remembering(optimum.problem.model, most=4 * parts)
-    low, high = _box(optimum, evaluate)
-    for nodes in NODES[len(low)]:
-        places = -np.cos(np.pi * np.arange(nodes) / max(nodes - 1, 1))
-        table = _table(optimum, low, high, places, evaluate)
-        error = _error_of_half(table[..., :1], places)
-        if error <= TOLERANCE:
+    (coarsest, *finer), box = NODES[len(optimum.u)], _widest(optimum)
+    cut = (box == np.stack(optimum.problem.model.bounds())).any(axis=0)  # by a bound, where a density is least normal
+    unsure = (box != optimum.u) & (cut | (len(optimum.u) > SURE))
+    box = _shortened(optimum, box, unsure, evaluate)
+    found = _interpolated(optimum, box, coarsest, evaluate)
+    if (far := _fallen(found) > 2 * FALL).any():
+        box = _shortened(optimum, box, far, evaluate)
+        found = _interpolated(optimum, box, coarsest, evaluate)
+    for nodes in finer:
+        if found.error <= TOLERANCE:
             break
+        found = _interpolated(optimum, box, nodes, evaluate)
+    return found
+
+
+def _interpolated(optimum: Optimum, box: Floats, nodes: int, evaluate: Evaluate) -> Surrogate:
+    """Through what is told exactly at every combination of Chebyshev's points along the axes of a box (2, D)."""
+    low, high = box
+    places = _places(nodes)
+    axes = 0.5 * (np.multiply.outer(low, 1.0 - places) + np.multiply.outer(high, 1.0 + places))
+    solved = solved_on_grid(optimum, axes, evaluate)
+    table = np.concatenate([solved.density[..., None], solved.mean, solved.factor], axis=-1)
+    coefficients = _along_axes(table, np.linalg.inv(chebvander(places, nodes - 1)))
     return Surrogate(
         low=low,
         high=high,
-        coefficients=_along_axes(table, np.linalg.inv(chebvander(places, nodes - 1))),
+        coefficients=coefficients,
         unknowns=optimum.problem.layout.size,
-        error=error,
+        error=_error_of_lower(coefficients[..., :1], table[..., :1]),
     )
 
 
-def _table(optimum: Optimum, low: Floats, high: Floats, places: Floats, evaluate: Evaluate) -> Floats:
-    """All that is interpolated, exactly, at every combination of places."""
-    axes = 0.5 * (np.multiply.outer(low, 1.0 - places) + np.multiply.outer(high, 1.0 + places))
-    solved = solved_on_grid(optimum, axes, evaluate)
-    return np.concatenate([solved.density[..., None], solved.mean, solved.factor], axis=-1)
+def _places(nodes: int) -> Floats:
+    """Chebyshev's points, from end to end."""
+    return np.asarray(-np.cos(np.pi * np.arange(nodes) / max(nodes - 1, 1)))
 
 
-def _error_of_half(density: Floats, places: Floats) -> float:
-    """How far every second node of a log density (n, ..., 1) is from foretelling the others, where it counts."""
-    half = places[::2]
-    between = chebvander(places, len(half) - 1) @ np.linalg.inv(chebvander(half, len(half) - 1))
-    told = _along_axes(density[(slice(None, None, 2),) * (density.ndim - 1)], between)
+def _error_of_lower(coefficients: Floats, density: Floats) -> float:
+    """How far a log density (n, ..., 1) is, where it counts, from its polynomial's part of two thirds of the degree.
+
+    The whole is closer by as much as two more nodes are worth, some hundred times where this is little.
+    """
+    nodes = len(density)
+    kept = min(nodes // 2 + 2, nodes)
+    lower = coefficients[(slice(kept),) * (density.ndim - 1)]
+    told = _along_axes(lower, chebvander(_places(nodes), kept - 1))
     return float(np.max(np.abs(told - density)[density > density.max() - DEPTH]))
 
 
@@ -119,25 +141,39 @@ def _along_axes(table: Floats, matrix: Floats) -> Floats:
     return table
 
 
-def _box(optimum: Optimum, evaluate: Evaluate) -> tuple[Floats, Floats]:
-    """Where the density of the shape is not negligible: along each axis to where it has fallen by REACH_SD^2 / 2."""
+def _widest(optimum: Optimum) -> Floats:
+    """The box (2, D) within the bounds that the density of the shape would need, were it normal: REACH_SD each way."""
+    sd = np.sqrt(np.diag(inverse(optimum.joint))[optimum.problem.layout.size :])
+    low, high = optimum.problem.model.bounds()
+    return np.stack([np.maximum(low, optimum.u - REACH_SD * sd), np.minimum(high, optimum.u + REACH_SD * sd)])
+
+
+def _fallen(found: Surrogate) -> Floats:
+    """How far the log density has fallen, where it did least, at the low and the high side of each axis (2, D)."""
+    density = found.on_grid(_places(found.nodes))
+    sides = [[density.take(end, axis).max() for axis in range(density.ndim)] for end in (0, -1)]
+    return np.asarray(density.max() - np.array(sides))
+
+
+def _shortened(optimum: Optimum, box: Floats, sides: NDArray[np.bool_], evaluate: Evaluate) -> Floats:
+    """A box (2, D) with some of its sides (2, D) brought in to where the density has fallen enough, if it falls faster.
+
+    On a side's way the other numbers follow its own as they would were the density normal.
+    """
     low, high = optimum.problem.model.bounds()
     size = optimum.problem.layout.size
     covariance = inverse(optimum.joint)[size:, size:]
-    top, fall = -0.5 * float(np.linalg.slogdet(optimum.joint[:size, :size])[1]), REACH_SD**2 / 2
-    box = [low.copy(), high.copy()]
-    for d in range(len(low)):
-        along = covariance[:, d] / covariance[d, d]
-        for side, (edge, sign) in enumerate(zip((low, high), (-1.0, 1.0), strict=True)):
-            reach = min(REACH_SD * covariance[d, d] ** 0.5, abs(edge[d] - optimum.u[d]))
-            for _ in range(SHORTENINGS):
-                there = np.clip(optimum.u + sign * reach * along, low, high)
-                fallen = top - _exact(optimum, there, evaluate)[0]
-                if fallen <= 2 * fall:
-                    break
-                reach *= max((fall / fallen) ** 0.5, 0.2)
-            box[side][d] = optimum.u[d] + sign * reach
-    return box[0], box[1]
+    top, shorter = -0.5 * float(np.linalg.slogdet(optimum.joint[:size, :size])[1]), box.copy()
+    for side, axis in np.argwhere(sides):
+        reach = box[side, axis] - optimum.u[axis]
+        for _ in range(SHORTENINGS):
+            along = reach * covariance[:, axis] / covariance[axis, axis]
+            fallen = top - _exact(optimum, np.clip(optimum.u + along, low, high), evaluate)[0]
+            if fallen <= 2 * FALL:
+                break
+            reach *= max((FALL / fallen) ** 0.5, 0.2)
+        shorter[side, axis] = optimum.u[axis] + reach
+    return shorter
 
 
 def _exact(optimum: Optimum, u: Floats, evaluate: Evaluate | None = None) -> tuple[float, Floats, Floats]:
