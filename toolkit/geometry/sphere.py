@@ -50,8 +50,8 @@ def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDA
     if camera.projection == "perspective":
         x, y = np.broadcast_arrays(x_px, y_px)
         return surface(camera, sphere, x, y).on_sphere
-    squared = ((x_px - sphere.centre_px[0]) / sphere.radius_px) ** 2
-    return np.asarray(squared + ((y_px - sphere.centre_px[1]) / sphere.radius_px) ** 2 < 1.0)
+    across, down = (x_px - sphere.centre_px[0]) / sphere.radius_px, (y_px - sphere.centre_px[1]) / sphere.radius_px
+    return np.asarray(across**2 < 1.0 - down**2)  # truth values at once: their sum would be a picture of its own
 
 
 def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:

@@ -47,28 +47,30 @@ def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
     through the 3 x 3 samples of the channel around, which adds 1/50 to the noise of red and blue and leaves
     neighbours nearly independent; a sample with a flagged one among those stays where it is.
     """
-    moved = picture.values.copy(order="K")
-    height, width = moved.shape[:2]
+    height, width = picture.values.shape[:2]
+    moved = np.empty((3, height, width), np.float32)
     for channel in range(3):
         own = [plane for plane in image.planes if plane.channel == channel]
         x, y = np.mean([plane.origin_px for plane in own], axis=0)
         dx, dy = (picture.origin_px[0] - x) / picture.step_px, (picture.origin_px[1] - y) / picture.step_px
-        if dx or dy:
-            foul = [plane.flags[:height, :width] for plane in own]
-            moved[..., channel] += _step(picture.values[..., channel], np.bitwise_or.reduce(foul), dx, dy)
-    return moved
+        foul = np.bitwise_or.reduce([plane.flags[:height, :width] for plane in own])
+        _move(np.ascontiguousarray(picture.values[..., channel]), foul, dx, dy, moved[channel])
+    return np.moveaxis(moved, 0, -1)
 
 
-def _step(values: NDArray[np.float32], flags: NDArray[np.uint8], dx: float, dy: float) -> NDArray[np.float32]:
-    """How much a layer (h, w) changes over (dx, dy) of its own samples; 0 at flagged ones and beside them."""
+def _move(values: NDArray[np.float32], flags: NDArray[np.uint8], dx: float, dy: float, to: NDArray[np.float32]) -> None:
+    """A layer (h, w) at (dx, dy) of its own samples aside, in `to`; flagged ones and those beside them stay."""
+    if not (dx or dy):
+        to[...] = values
+        return
     import cv2  # slow to import, and only a mosaic's colours need it
 
     rise, row = np.array([-0.5, 0.0, 0.5]), np.full(3, 1 / 3)
     slope = dx * np.outer(row, rise) + dy * np.outer(rise, row)
-    change = cv2.filter2D(np.ascontiguousarray(values), -1, slope, borderType=cv2.BORDER_REFLECT_101)
+    cv2.filter2D(values, -1, slope, to, borderType=cv2.BORDER_REFLECT_101)
     if flags.any():
-        change[cv2.dilate(flags, np.ones((3, 3), np.uint8)) > 0] = 0
-    return np.asarray(change)
+        to[cv2.dilate(flags, np.ones((3, 3), np.uint8)) > 0] = 0
+    to += values
 
 
 def _mean(planes: list[Plane], height: int, width: int) -> NDArray[np.float32]:

@@ -90,8 +90,7 @@ def _cloud_and_body(ready: Samples, light: Floats) -> tuple[Blocks, Body]:
     size = block_size(ready)
     cloud = blocks(ready, size)
     body = body_colour(cloud, light)
-    larger = block_size(ready, body.misfit)
-    if body.misfit < LOUDER or larger <= size:
+    if body.misfit < LOUDER or (larger := block_size(ready, body.misfit)) <= size:
         return cloud, body
     cloud = blocks(ready, larger)
     return cloud, body_colour(cloud, light)

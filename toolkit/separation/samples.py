@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ MOST_BLOCKS = 12000  # more cost time and tell no more
 FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
 WANTED_NOISE = 3e-5  # of the brightest block: less no longer moves the matte line's one-sided fit
 LOUDEST = 1e12  # variance, beyond which a sample tells nothing whatever its size
+BAND = 1 << 17  # pixels at a time
 ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
 
 
@@ -82,11 +84,11 @@ def samples(
     _refuse_empty(values, whole)
     weight = whole.astype(values.dtype)
     if bloom is not None:
-        weight[_mask("bloom", bloom, shape[:2])] *= BLOOM_WEIGHT
+        np.multiply(weight, BLOOM_WEIGHT, out=weight, where=_mask("bloom", bloom, shape[:2]))
     noise, unit = _variance(variance, values, good), unit_of(values)
     if unit != 1.0:
         values, noise = values / unit, noise / unit / unit
-    np.minimum(noise, LOUDEST, out=noise)
+    np.clip(noise, 0.0, LOUDEST, out=noise)
     noise += noise.dtype.type(ROUNDING**2 * _largest(values) ** 2)
     return Samples(values=values, variance=noise, usable=good, weight=weight, on_sphere=on, unit=unit)
 
@@ -124,10 +126,12 @@ def _refuse_empty(values: Floats, whole: Mask) -> None:
 def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
     """A new array (h, w, 3) or (3,) of the samples' variances."""
     if isinstance(variance, Noise):
-        found = local_mean(values, good)
-        for c in range(3):
-            found[..., c] = variance.variance(found[..., c], c)
-        return found
+        noise = np.empty((3, *values.shape[:2]), values.dtype)
+        for rows in _bands(values.shape):
+            mean = local_mean(values, good, rows)
+            for c in range(3):
+                noise[c, rows] = variance.variance(mean[..., c], c)
+        return np.moveaxis(noise, 0, -1)
     found = np.asarray(variance, float)
     if found.shape not in ((3,), values.shape):
         raise BadInputError(f"variance has shape {found.shape}; expected (3,) or {values.shape}")
@@ -137,27 +141,32 @@ def _variance(variance: Floats | Noise, values: Floats, good: Mask) -> Floats:
     return np.where(wrong, 0.0, found)
 
 
-def local_mean(values: Floats, good: Mask, radius: int = 2) -> Floats:
-    """Mean (h, w, 3) of the usable samples within `radius` pixels: the signal that a variance is taken at."""
-    found, before = np.empty((3, *values.shape[:2]), values.dtype), None
-    kept = np.empty(values.shape[:2], values.dtype)
+def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
+    """Lines of a picture (h, w, ...), as many at a time as stay in the processor's cache."""
+    height, width = shape[:2]
+    many = max(BAND // width, 1)
+    return (slice(start, min(start + many, height)) for start in range(0, height, many))
+
+
+def local_mean(values: Floats, good: Mask, rows: slice, radius: int = 2) -> Floats:
+    """Mean (n, w, 3), on some lines, of the usable samples within `radius` pixels: what a variance is taken at."""
+    above = min(radius, rows.start)
+    around, inner = slice(rows.start - above, rows.stop + radius), slice(above, above + rows.stop - rows.start)
+    found, before = [], None
     for c in range(3):
-        usable = np.ascontiguousarray(good[..., c])
+        usable = good[around, :, c].astype(values.dtype)
         if before is None or not np.array_equal(usable, before):
-            before, count = usable, np.empty_like(kept)
-            np.maximum(_box(usable.astype(values.dtype), radius, count), 1.0, out=count)
-        np.multiply(values[..., c], usable, out=kept)
-        np.divide(_box(kept, radius, found[c]), count, out=found[c])
-    return np.moveaxis(found, 0, -1)
+            before, count = usable, np.maximum(_box(usable, radius)[inner], 1.0)
+        found.append(_box(values[around, :, c] * usable, radius)[inner] / count)
+    return np.moveaxis(np.stack(found), 0, -1)
 
 
-def _box(values: Floats, radius: int, out: Floats) -> Floats:
-    """Sums over squares of 2 radius + 1 pixels, the outside counted as 0; in `out`."""
+def _box(values: Floats, radius: int) -> Floats:
+    """Sums over squares of 2 radius + 1 pixels, the outside counted as 0."""
     import cv2  # slow to import, and only a Noise needs it
 
     side = 2 * radius + 1
-    cv2.boxFilter(values, -1, (side, side), out, normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return out
+    return np.asarray(cv2.boxFilter(values, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT))
 
 
 def block_size(picture: Samples, louder: float = 1.0) -> int:
