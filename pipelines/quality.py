@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from toolkit.flags import Flag, SampleFlag, flagged
 from toolkit.geometry.sphere import surface
 from toolkit.records import Fit, Floats, LinearImage, Photograph, Plane, Scene
+from toolkit.reflectance.cosines import Cosines
 
 CLIPPED_SHARE = 0.01  # of the sphere's samples, from which the result says so
 CORE_RAD = 0.1  # about the half vector: where the highlight's core lies
@@ -84,7 +85,5 @@ def _where(scene: Scene, x: Floats, y: Floats) -> tuple[NDArray[np.bool_], NDArr
     seen = surface(scene.camera, scene.sphere, x, y)
     core = np.zeros(len(x), bool)
     for light in scene.lights:
-        half = light.at(seen.normal)[0] + seen.view
-        half /= np.linalg.norm(half, axis=-1, keepdims=True)
-        core |= seen.on_sphere & (np.einsum("ni,ni->n", seen.normal, half) > np.cos(CORE_RAD))
-    return seen.on_sphere, core
+        core |= Cosines.of(seen.normal, light.at(seen.normal)[0], seen.view).n_dot_h > np.cos(CORE_RAD)
+    return seen.on_sphere, core & seen.on_sphere

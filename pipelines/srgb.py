@@ -120,7 +120,7 @@ def srgb_of(report: MaterialReport, fit: Fit, parameter: Estimate) -> Srgb | Non
     balanced = neutralised(report, mean)
     spread = np.full(3, np.nan)
     if draws is not None and np.shape(draws)[-1:] == (3,):
-        spread = (neutralised(report, np.reshape(draws, (-1, 3))) @ report.colour.to_srgb.T).std(axis=0, ddof=1)
+        spread = (report.colour.to_srgb @ neutralised(report, np.reshape(draws, (-1, 3))).T).std(axis=1, ddof=1)
     linear = report.colour.to_srgb @ balanced
     shown = None if parameter.unit == "relative" else srgb_hex(linear)
     return Srgb(estimate=linear, sd=spread, xyz=to_xyz(report.colour) @ balanced, hex=shown)

@@ -135,8 +135,8 @@ def _version(package: str) -> str | None:
 
 def finite(value: object) -> object:
     """Plain JSON values: arrays become lists, numbers are rounded to ten digits, NaN and infinity become None."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, float | np.floating):  # most are
+        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
     if isinstance(value, np.ndarray):
         return finite(value.tolist())
     if isinstance(value, list | tuple):
@@ -145,8 +145,8 @@ def finite(value: object) -> object:
         return bool(value)
     if isinstance(value, int | np.integer):
         return int(value)
-    if isinstance(value, float | np.floating):
-        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
     return value if value is None else str(value)
 
 
