@@ -146,9 +146,9 @@ def project(problem: Problem, u: Floats, weights: Weighing, cols: Evaluated | No
     )
 
 
-def chi2_at(problem: Problem, u: Floats, weights: Weighing) -> float:
+def chi2_at(problem: Problem, cols: Evaluated, weights: Weighing) -> float:
     """The least chi-square at a shape, as `project` finds it, for a look that goes nowhere from there."""
-    return _linear(problem, problem.columns(u), weights)[-1]
+    return _linear(problem, cols, weights)[-1]
 
 
 def _linear(

@@ -177,27 +177,34 @@ def sums_of(columns: tuple[Columns, ...], channels: tuple[ChannelCells, ...], we
                 products=products,
                 data=told,
                 squares=squares,
-                across=extra @ rows.T if len(extra) else np.zeros((0, rows.shape[-2])),
+                across=extra @ rows.swapaxes(-1, -2),
                 extra_data=extra @ data.value,
             )
         )
     return tuple(found)
 
 
-def equations(sums: tuple[Sums, ...], layout: Layout, prior: Prior) -> tuple[Floats, Floats, Floats]:
-    """Matrix (..., P, P), right-hand side (..., P) and squares (...) of the named unknowns, no extras among them.
+def equations(
+    sums: tuple[Sums, ...], layout: Layout, prior: Prior, gram: tuple[Floats, ...]
+) -> tuple[Floats, Floats, Floats]:
+    """Matrix (..., P, P), right-hand side (..., P) and squares (...) of the linear unknowns at several shapes.
 
-    The sums are of the part with a known coefficient, then of the columns.
+    The sums are of the part with a known coefficient, then of the columns; `gram` as in a `Weighing`.
     """
     batch = sums[0].data.shape[:-1]
     matrix = np.broadcast_to(prior.precision, (*batch, *prior.precision.shape)).copy()
     rhs = np.broadcast_to(prior.precision @ prior.centre, (*batch, len(prior.centre))).copy()
     squares = np.full(batch, float(prior.centre @ prior.precision @ prior.centre))
-    for one, index in zip(sums, layout.index, strict=True):
+    for one, index, extra, of_extra in zip(sums, layout.index, layout.extras, gram, strict=True):
         mine = slice(1, 1 + len(index))
         matrix[..., index[:, None], index] += one.products[..., mine, mine]
         rhs[..., index] += one.data[..., mine] - one.products[..., mine, 0]
         squares += one.squares - 2.0 * one.data[..., 0] + one.products[..., 0, 0]
+        if len(of_extra):
+            matrix[..., extra, index] += one.across[..., mine]
+            matrix[..., index, extra] += np.swapaxes(one.across[..., mine], -1, -2)
+            matrix[..., extra, extra] += of_extra
+            rhs[..., extra] += one.extra_data - one.across[..., 0]
     return matrix, rhs, squares
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,12 +13,13 @@ from .columns import columns_of_many
 from .descend import chi2_at
 from .model import Model
 from .normal import Weighing, equations, sums_of
-from .problem import Optimum, Problem, weighing_at
+from .problem import Evaluated, Optimum, Problem, weighing_at
 from .refine import refine
 from .solving import bounded_each
 
 GRID = 16  # shapes tried along a single shape number, its range's ends among them, before the descent begins
 DESCENTS = 3  # how many of them are descended from
+WAY = 8  # looks on the way from a start to an end
 MOST_MINIMA = 2  # how many of the optima found are gone on with
 LANDS_SD = 0.3  # sds of so few cells by which a descent may end beside its optimum: their noise puts that further off
 ALIKE_SD = 0.1  # that weights from a prediction may make of it: noise of such a share in weights biases by its square
@@ -41,8 +43,10 @@ def search(few: Problem) -> list[Optimum]:
         return [refine(few, np.zeros(0), weights)]
     apart = 0.1 * np.subtract(*few.model.bounds()[::-1])
     middles = few.seen_in(view.middles() for view in few.views)
-    starts = _starts(middles, weights, apart)[:DESCENTS]
-    found = [refine(few, u, weights, lands_sd=LANDS_SD, alike_sd=ALIKE_SD) for u in starts]
+    found: list[Optimum] = []
+    for u in _starts(middles, weights, apart)[:DESCENTS]:
+        if not any(_leads_down(middles, u, end.u, weights) for end in found):
+            found.append(refine(few, u, weights, lands_sd=LANDS_SD, alike_sd=ALIKE_SD))
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
     return [optimum for optimum in found if any(optimum.u is u for u in kept)]
@@ -56,13 +60,20 @@ def beside(best: Optimum) -> list[Optimum]:
     """
     low, high = best.problem.model.bounds()
     apart, found = 0.1 * (high - low), []
+    middles = replace(best.problem, views=tuple(view.middles() for view in best.problem.views))
     for d in range(len(best.u)):
         line = np.repeat(best.u[None], GRID, axis=0)
         line[:, d] = np.linspace(low[d], high[d], GRID)
-        chi2 = np.array([chi2_at(best.problem, u, best.weights) for u in line])
+        chi2 = _chi2_sided(middles, line, best.weights)
         own = np.min(chi2[np.abs(line[:, d] - best.u[d]) <= line[1, d] - line[0, d]])
         found += [u for fits, u in _valleys(line, chi2) if fits <= own]
     return [refine(best.problem, u, best.weights) for u in _far_apart([best.u, *found], apart)[1:]]
+
+
+def _leads_down(problem: Problem, start: Floats, end: Floats, weights: Weighing) -> bool:
+    """Whether chi-square falls all the straight way to the end of a descent, which another from here would find."""
+    way = start + np.linspace(0.0, 1.0, WAY)[:, None] * (end - start)
+    return bool((np.diff(_chi2_of(problem, way, weights)) <= 0.0).all())
 
 
 def _starts(problem: Problem, weights: Weighing, apart: Floats) -> list[Floats]:
@@ -92,13 +103,26 @@ def _bottom(u: Floats, chi2: Floats, i: int) -> Floats:
 
 
 def _chi2_of(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
-    """Chi-square at several shapes (S, D) at once, of a problem without extra columns."""
-    found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
-    cols = tuple(one for three in found for one in three)
-    sums = [one.mixed(col.mix[0]) for one, col in zip(sums_of(cols, problem.channels, weights), cols, strict=True)]
-    matrix, rhs, squares = equations(tuple(sums), problem.layout, problem.prior)
+    """Chi-square at several shapes (S, D) at once; of clipped data those count that have weights."""
+    cols = _columns_of(problem, shapes)
+    sums = tuple(one.mixed(col.mix[0]) for one, col in zip(sums_of(cols, problem.channels, weights), cols, strict=True))
+    matrix, rhs, squares = equations(sums, problem.layout, problem.prior, weights.gram)
     best = bounded_each(matrix, rhs, problem.prior)
     return np.asarray(squares + np.sum(best * ((matrix @ best[..., None])[..., 0] - 2.0 * rhs), axis=-1))
+
+
+def _chi2_sided(problem: Problem, shapes: Floats, weights: Weighing) -> Floats:
+    """The same where of clipped data at each shape those count that its prediction falls short of."""
+    if not any(len(w.clipped) for w in weights.weights):
+        return _chi2_of(problem, shapes, weights)
+    cols = _columns_of(problem, shapes)
+    each = (tuple(replace(col, rows=col.rows[i]) for col in cols) for i in range(len(shapes)))
+    return np.array([chi2_at(problem, one, weights) for one in each])
+
+
+def _columns_of(problem: Problem, shapes: Floats) -> Evaluated:
+    found = [columns_of_many(problem.model, problem.fresnel, view.lights, view.cells, shapes) for view in problem.views]
+    return tuple(one for three in found for one in three)
 
 
 def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:

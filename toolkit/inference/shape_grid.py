@@ -42,12 +42,13 @@ def solved_on_grid(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> Solved
 
     `evaluate` remembers lobes. Raises LinAlgError where the equations have no one answer.
     """
-    sums = [one for v in range(len(optimum.problem.views)) for one in _sums_of(optimum, v, axes, evaluate)]
-    few = max(MOST_NUMBERS // optimum.problem.layout.size**2, 1)
-    parts = [
-        _solved(optimum, *_equations(optimum, [one.part(slice(first, first + few)) for one in sums]))
-        for first in range(0, len(sums[0].data), few)
-    ]
+    problem = optimum.problem
+    sums = [one for v in range(len(problem.views)) for one in _sums_of(optimum, v, axes, evaluate)]
+    few = max(MOST_NUMBERS // problem.layout.size**2, 1)
+    parts = []
+    for first in range(0, len(sums[0].data), few):
+        some = tuple(one.part(slice(first, first + few)) for one in sums)
+        parts.append(_solved(optimum, *equations(some, problem.layout, problem.prior, optimum.weights.gram)))
     grid = axes.shape[1:] * len(axes)
     density, mean, factor = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("density", "mean", "factor")
@@ -68,18 +69,6 @@ def _solved(optimum: Optimum, matrix: Floats, rhs: Floats, squares: Floats) -> S
         mean=mean,
         factor=np.linalg.cholesky(np.linalg.inv(scaled) * across)[:, *np.tril_indices(matrix.shape[-1])],
     )
-
-
-def _equations(optimum: Optimum, sums: Sequence[Sums]) -> tuple[Floats, Floats, Floats]:
-    """Matrix (g, P, P), right-hand side (g, P) and squares (g,) of each channel's sums at g shapes."""
-    layout = optimum.problem.layout
-    matrix, rhs, squares = equations(tuple(sums), layout, optimum.problem.prior)
-    for one, index, extra, gram in zip(sums, layout.index, layout.extras, optimum.weights.gram, strict=True):
-        matrix[..., extra, index] += one.across[..., 1:]
-        matrix[..., index, extra] += np.swapaxes(one.across[..., 1:], -1, -2)
-        matrix[..., extra, extra] += gram
-        rhs[..., extra] += one.extra_data - one.across[..., 0]
-    return matrix, rhs, squares
 
 
 def _sums_of(optimum: Optimum, photograph: int, axes: Floats, evaluate: Evaluate) -> list[Sums]:
