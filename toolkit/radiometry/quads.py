@@ -53,16 +53,17 @@ def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
         own = [plane for plane in image.planes if plane.channel == channel]
         x, y = np.mean([plane.origin_px for plane in own], axis=0)
         dx, dy = (picture.origin_px[0] - x) / picture.step_px, (picture.origin_px[1] - y) / picture.step_px
-        foul = np.bitwise_or.reduce([plane.flags[:height, :width] for plane in own])
-        _move(np.ascontiguousarray(picture.values[..., channel]), foul, dx, dy, moved[channel])
+        values = np.ascontiguousarray(picture.values[..., channel])
+        if dx or dy:
+            foul = np.bitwise_or.reduce([plane.flags[:height, :width] for plane in own])
+            _move(values, foul, dx, dy, moved[channel])
+        else:
+            moved[channel] = values
     return np.moveaxis(moved, 0, -1)
 
 
 def _move(values: NDArray[np.float32], flags: NDArray[np.uint8], dx: float, dy: float, to: NDArray[np.float32]) -> None:
     """A layer (h, w) at (dx, dy) of its own samples aside, in `to`; flagged ones and those beside them stay."""
-    if not (dx or dy):
-        to[...] = values
-        return
     import cv2  # slow to import, and only a mosaic's colours need it
 
     rise, row = np.array([-0.5, 0.0, 0.5]), np.full(3, 1 / 3)

@@ -18,7 +18,7 @@ MOST_BLOCKS = 12000  # more cost time and tell no more
 FEWEST_ACROSS = 24  # blocks across the sphere, so that highlight and matte do not share them all
 WANTED_NOISE = 3e-5  # of the brightest block: less no longer moves the matte line's one-sided fit
 LOUDEST = 1e12  # variance, beyond which a sample tells nothing whatever its size
-BAND = 1 << 17  # pixels at a time
+BAND = 1 << 16  # pixels at a time
 ROUNDING = 1e-7  # of the brightest sample: what float32 storage adds to any noise
 
 
@@ -74,10 +74,11 @@ def samples(
         raise BadInputError(f"picture has shape {picture.shape}; separation by colour needs (h, w, 3): a colour image")
     shape = picture.shape
     on, told = _mask("on_sphere", on_sphere, shape[:2]), _mask("usable", usable, shape)
-    values, good = np.zeros((3, *shape[:2]), np.result_type(picture, np.float32)), np.empty((3, *shape[:2]), bool)
+    values, good = np.empty((3, *shape[:2]), np.result_type(picture, np.float32)), np.empty((3, *shape[:2]), bool)
     for c in range(3):
         there = np.isfinite(picture[..., c]) & on
-        np.copyto(values[c], picture[..., c], where=there)
+        values[c] = picture[..., c]
+        np.copyto(values[c], 0, where=~there)
         np.logical_and(there, told[..., c], out=good[c])
     whole = good[0] & good[1] & good[2]
     values, good = np.moveaxis(values, 0, -1), np.moveaxis(good, 0, -1)
