@@ -183,6 +183,6 @@ def _slope_along(lines: Floats) -> Floats:
     """How much the lines (n, w) rise from sample to sample: numpy's gradient along them, without what it checks."""
     slope = np.empty_like(lines)
     np.subtract(lines[:, 2:], lines[:, :-2], out=slope[:, 1:-1])
-    slope /= 2
+    slope[:, 1:-1] /= 2
     np.subtract(lines[:, [1, -1]], lines[:, [0, -2]], out=slope[:, [0, -1]])
     return slope
