@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import struct
 import sys
 from typing import TYPE_CHECKING, Any
@@ -59,6 +60,7 @@ def limit_process(limits: Limits, file_bytes: int) -> None:
         import resource
     except ImportError:  # not on Windows: there the parent's clock and the size check remain
         return
+    signal.setitimer(signal.ITIMER_REAL, limits.wall_s + 1)  # should nobody be left who stops it
     memory, seconds = limits.memory_for(file_bytes), limits.cpu_for(file_bytes)
     for what, limit, beyond in (
         (resource.RLIMIT_AS, memory, 0),

@@ -1,7 +1,8 @@
 """Decoding in a child process: a decoder that crashes, hangs or swells takes nothing with it.
 
-The child is a fresh interpreter started through `subprocess`, so it works in daemonic workers and needs no guard in
-the user's script. Its standard output is a file in memory that both share: the pixels come back without a copy.
+The child is forked from a prepared process, or is a fresh interpreter where there is none; both are started through
+`subprocess`, so this works in daemonic workers and needs no guard in the user's script. The child's standard output is
+a file in memory that both share: the pixels come back without a copy.
 """
 
 from __future__ import annotations
@@ -12,33 +13,22 @@ import mmap
 import os
 import signal
 import struct
-import subprocess
-import sys
 import tempfile
-import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, cast
 
 import numpy as np
 
 from toolkit.errors import BadInputError
+from toolkit.io import interpreter, prepared
 from toolkit.io.decoded import Decoded, Limits
+from toolkit.io.interpreter import Ending
 from toolkit.io.metadata import plain_text
 
 _LONGEST_JSON = 1 << 20
 _TYPES = {"uint8", "uint16", "float32"}
-_PASSED_ON = (
-    "PATH",
-    "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH",
-    "SYSTEMROOT",
-    "TMPDIR",
-    "TEMP",
-    "LANG",
-    "LC_ALL",
-    "LC_CTYPE",
-)
-_BOOT = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from toolkit.io.child import main; main(sys.argv[2])"
+Run = Callable[[str, IO[bytes], float], Ending]
 
 
 def decode(kind: str, path: str, limits: Limits) -> Decoded:
@@ -46,10 +36,18 @@ def decode(kind: str, path: str, limits: Limits) -> Decoded:
 
     Raises BadInputError: the decoder's own, or what became of the child.
     """
+    request = json.dumps({"kind": kind, "path": str(Path(path).resolve()), "limits": limits._asdict()})
+    try:
+        return _decode_by(prepared.run, request, limits)
+    except prepared.NotPreparedError:
+        return _decode_by(interpreter.run, request, limits)
+
+
+def _decode_by(run: Run, request: str, limits: Limits) -> Decoded:
     with _shared_file() as answer:
-        complaint = _run(kind, path, limits, answer)
-        if complaint is not None:
-            raise BadInputError(complaint)
+        ending = run(request, answer, limits.wall_s)
+        if ending.status != 0:
+            raise BadInputError(_obituary(ending, limits))
         return _read_answer(answer)
 
 
@@ -60,45 +58,10 @@ def _shared_file() -> IO[bytes]:
     return cast("IO[bytes]", tempfile.TemporaryFile())
 
 
-def _run(kind: str, path: str, limits: Limits, answer: IO[bytes]) -> str | None:
-    """What went wrong with the child, in words; None where it answered."""
-    request = {"kind": kind, "path": str(Path(path).resolve()), "limits": limits._asdict()}
-    # -S: what `site` would add is in the parent's path already
-    command = [sys.executable, "-I", "-S", "-c", _BOOT, json.dumps(_import_path()), json.dumps(request)]
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=answer, stderr=subprocess.PIPE, env=_environment()
-    ) as child:
-        complaints = None
-        try:
-            complaints = _drain(child, limits.wall_s)
-        finally:
-            if complaints is None:  # it took too long, or the user interrupts
-                child.kill()
-        if complaints is None:
-            return f"decoding took longer than {limits.wall_s:.0f} s; the file is damaged, or the machine too busy"
-        status = child.wait()
-    return None if status == 0 else _obituary(status, complaints, limits)
-
-
-def _drain(child: subprocess.Popen[bytes], wall_s: float) -> bytes | None:
-    """The end of what the child wrote to its standard error; None where it did not end in time.
-
-    A thread reads, since waiting for a process with a time limit polls and so wastes up to 50 ms.
-    """
-    kept = bytearray()
-
-    def read() -> None:
-        while chunk := os.read(child.stderr.fileno(), 65_536):  # type: ignore[union-attr]  # stderr is a pipe
-            kept.extend(chunk)
-            del kept[:-4096]
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    reader.join(wall_s)
-    return None if reader.is_alive() else bytes(kept)
-
-
-def _obituary(status: int, complaints: bytes, limits: Limits) -> str:
+def _obituary(ending: Ending, limits: Limits) -> str:
+    status, complaints = ending
+    if status is None:
+        return f"decoding took longer than {limits.wall_s:.0f} s; the file is damaged, or the machine too busy"
     if status == -getattr(signal, "SIGXCPU", 0) or status == -getattr(signal, "SIGKILL", 0):
         return f"decoding took more than its {limits.cpu_s:.0f} s of processor time; the file is damaged: copy it again"
     if status < 0 or b"MemoryError" in complaints or b"bad_alloc" in complaints:
@@ -106,18 +69,6 @@ def _obituary(status: int, complaints: bytes, limits: Limits) -> str:
     lines = complaints.decode("utf-8", "replace").strip().splitlines()
     reason = plain_text(lines[-1]) if lines else f"status {status}"
     return f"the decoder failed on it ({reason}); copy or export it again"
-
-
-def _import_path() -> list[str]:
-    """Where the child finds what the parent has imported; never the current folder, which may hold anything."""
-    home = str(Path(__file__).resolve().parents[2])
-    return [home, *(entry for entry in sys.path if Path(entry).is_absolute())]
-
-
-def _environment() -> dict[str, str]:
-    """What libraries need to load, and no more; one thread a library, for start-up and for the memory limit."""
-    kept = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
-    return {**kept, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 def _read_answer(answer: IO[bytes]) -> Decoded:
