@@ -57,7 +57,7 @@ def _statistics(optimum: Optimum, covariance: Floats, photograph: int) -> Floats
     own = optimum.own(photograph)
     channels = [_left(optimum, c, own) for c in range(3 * photograph, 3 * photograph + 3)]
     smooth, waves = _patterns(optimum.problem.views[photograph])
-    plain, alike = [(smooth, one) for one in channels], [(np.concatenate([smooth, waves]), _shared(channels))]
+    plain, alike = [(smooth, one) for one in channels], [(np.concatenate([smooth, waves]), _shared(channels, len(own)))]
     of_own = covariance[own[:, None], own]
     return np.array([_statistic(plain, of_own), _statistic(alike, of_own)])
 
@@ -73,30 +73,43 @@ class _Left:
     predicted: Floats  # (N,)
     weight: Floats  # (N,), of the means beside each other
     residual: Floats  # (N,), weighted
-    design: Floats  # (p, N), the derivatives of the prediction in the photograph's own unknowns, weighted
+    unknowns: NDArray[np.intp]  # (p,), which of the photograph's own
+    design: Floats  # (p, N), the derivatives of the prediction in these, weighted
 
 
 def _left(optimum: Optimum, channel: int, own: NDArray[np.intp]) -> _Left:
     data, weights = optimum.problem.channels[channel], optimum.weights.weights[channel]
-    view = optimum.problem.views[channel // 3]
-    n, (unknowns, slopes) = data.cells, optimum.slopes(channel)
-    rows, whole = data.rows[:n], len(view.cells.x_px)
-    predicted, weight, residual = np.zeros((3, whole))
-    design = np.zeros((len(own), whole))
-    predicted[rows] = optimum.predicted[channel][:n]
-    weight[rows] = weights.of_means
-    residual[rows] = weights.times(data.value - optimum.predicted[channel])[:n]
-    design[np.searchsorted(own, unknowns)[:, None], rows] = weights.times(slopes)[:, :n]
-    return _Left(predicted=predicted, weight=weight, residual=residual, design=design)
-
-
-def _shared(channels: Sequence[_Left]) -> _Left:
-    """What is left of a photograph's channels together, of a pattern that is a share of the picture in each."""
+    rows, whole = data.rows[: data.cells], len(optimum.problem.views[channel // 3].cells.x_px)
+    unknowns, slopes = optimum.slopes(channel)
+    predicted = optimum.predicted[channel]
     return _Left(
-        predicted=np.ones(len(channels[0].predicted)),
-        weight=np.sum([one.weight * one.predicted**2 for one in channels], axis=0),
-        residual=np.sum([one.residual * one.predicted for one in channels], axis=0),
-        design=np.sum([one.design * one.predicted for one in channels], axis=0),
+        predicted=_of_all(predicted[: data.cells], rows, whole),
+        weight=_of_all(weights.of_means, rows, whole),
+        residual=_of_all(weights.pulls(data.value - predicted), rows, whole),
+        unknowns=np.searchsorted(own, unknowns),
+        design=_of_all(weights.pulls(slopes), rows, whole),
+    )
+
+
+def _of_all(values: Floats, rows: NDArray[np.intp], whole: int) -> Floats:
+    """Values (..., n) of a channel's cells among all of them (..., whole), 0 of the others."""
+    if len(rows) == whole:
+        return values
+    found = np.zeros((*values.shape[:-1], whole))
+    found[..., rows] = values
+    return found
+
+
+def _shared(channels: Sequence[_Left], unknowns: int) -> _Left:
+    """What is left of a photograph's channels together, of a pattern that is a share of the picture in each."""
+    cells = len(channels[0].predicted)
+    weight, residual, design = np.zeros(cells), np.zeros(cells), np.zeros((unknowns, cells))
+    for one in channels:
+        weight += one.weight * one.predicted**2
+        residual += one.residual * one.predicted
+        design[one.unknowns] += one.design * one.predicted
+    return _Left(
+        predicted=np.ones(cells), weight=weight, residual=residual, unknowns=np.arange(unknowns), design=design
     )
 
 
@@ -106,7 +119,10 @@ def _statistic(asked: Sequence[tuple[Floats, _Left]], covariance: Floats) -> tup
     `covariance` (p, p) is the posterior's, of the unknowns that these depend on.
     """
     score = np.concatenate([patterns @ left.residual for patterns, left in asked])
-    across = np.concatenate([patterns @ left.design.T for patterns, left in asked])
+    across = np.zeros((len(score), len(covariance)))
+    ends = np.cumsum([0, *(len(patterns) for patterns, _ in asked)])
+    for (patterns, left), start, end in zip(asked, ends, ends[1:], strict=False):
+        across[start:end, left.unknowns] = patterns @ left.design.T
     weighed = [patterns * np.sqrt(left.weight) for patterns, left in asked]
     kept = block_diag(*(each @ each.T for each in weighed))
     rest = kept - across @ covariance @ across.T

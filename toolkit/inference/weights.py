@@ -79,6 +79,15 @@ class Weights:
         """L times rows of data (..., m): their errors are independent, with `each` for weights."""
         return np.concatenate([part for part, _ in self.parts(rows)], axis=-1)
 
+    def pulls(self, rows: Floats) -> Floats:
+        """The weights, a symmetric matrix, times rows of data (..., m), at the means alone (..., n)."""
+        (means, each), *slopes = self.parts(rows)
+        result = means * each
+        for lean, (slope, weight) in zip(self.lean, slopes, strict=True):
+            slope *= lean * weight
+            result -= slope
+        return np.asarray(result)
+
     def times(self, rows: Floats) -> Floats:
         """The weights, a symmetric matrix, times rows of data (..., m)."""
         result = self.apart(rows) * self.each
