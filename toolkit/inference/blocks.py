@@ -83,8 +83,9 @@ def scores_of(optimum: Optimum, *blocks: NDArray[np.intp]) -> Floats:
     found = np.zeros((len(optimum.joint), COUNT * len(blocks)))
     for c, (data, w) in enumerate(zip(optimum.problem.channels, optimum.weights.weights, strict=True)):
         index, slopes = optimum.slopes(c)
-        there = blocks[c // 3][data.rows] + COUNT * (c // 3)
-        pulls = slopes * w.times(data.value - optimum.predicted[c])
+        there = blocks[c // 3][data.rows[: data.cells]] + COUNT * (c // 3)
+        slopes *= w.times(data.value - optimum.predicted[c])
+        pulls = slopes.reshape(len(index), 3 if data.slopes else 1, data.cells).sum(axis=1)
         for i, pull in zip(index, pulls, strict=True):
             found[i] += np.bincount(there, pull, minlength=found.shape[1])
     return found.T

@@ -114,9 +114,12 @@ def _follow(
     here, step = _begun(problem, start, shifts, total, tempering or tempering_of(start, blocks)), 0.0
     for turn in range(rounds):
         end, found, step = _tempered_optimum(_linearised(problem, here, shifts, total), here, blocks, step)
-        looser = 1.0 if turn < PATIENCE else LOOSER
-        moved, there = _moved(end), _posed(problem, here, end, shifts, total + _moved(end))
-        if stands(found, end.problem.tempering, STANDS**looser) and _settled(end, there, shifts, looser):
+        looser, moved = 1.0 if turn < PATIENCE else LOOSER, _moved(end)
+        weighed = stands(found, end.problem.tempering, STANDS**looser)
+        if weighed and _short(end, shifts, looser):
+            return end, total + moved
+        there = _posed(problem, here, end, shifts, total + moved)
+        if weighed and _bend(end, there) <= looser * LINEAR_SD:
             return end, total + moved
         here, share = _downhill(problem, here, end, there, shifts, total)
         tempering, step = next_tempering(end.problem.tempering, found, step)
@@ -129,12 +132,11 @@ def _moved(end: Optimum) -> Floats:
     return end.x[len(end.problem.layout.names) :]
 
 
-def _settled(end: Optimum, there: Problem, shifts: Shifts, looser: float) -> bool:
-    """Whether a move is so short, or all so linear over it to the problem there, that its end needs no second look."""
+def _short(end: Optimum, shifts: Shifts, looser: float) -> bool:
+    """Whether a move is so short that its end needs no second look."""
     layout, moved = end.problem.layout, _moved(end)
     sd = np.sqrt(np.diag(inverse(end.joint))[len(layout.names) : layout.size])
-    short = np.abs(moved) <= looser * np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)
-    return bool(np.all(short)) or _bend(end, there) <= looser * LINEAR_SD
+    return bool((np.abs(moved) <= looser * np.maximum(SETTLED_SD * sd, SETTLED_PRIOR_SD * shifts.sd)).all())
 
 
 def _begun(problem: Problem, start: Optimum, shifts: Shifts, total: Floats, tempering: float) -> Projection:
