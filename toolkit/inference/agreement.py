@@ -61,26 +61,31 @@ def _difference(colours: ColourLayers, layers: ModelLayers) -> tuple[float | Non
     """
     light = np.asarray(colours.light_colour, np.float32)
     used = layers.used[..., 0] & layers.used[..., 1] & layers.used[..., 2]
-    by_colour, by_shape = colours.along_light, _coefficient(layers.specular, light)
-    variance, body = colours.covariance[..., 2], np.sqrt(sum(layers.diffuse[..., c] ** 2 for c in range(3)))
+    by_colour, by_shape = colours.along_light, _scalar(layers.specular, light)
+    variance = colours.covariance[..., 2]
     both = _inner(np.isfinite(by_shape)) & np.isfinite(by_colour) & np.isfinite(variance) & used
     count = _blocks(both.astype(np.float32))
     with np.errstate(invalid="ignore"):  # blocks that hold what is not finite do not count
-        apart, noise, shown, matte = (_blocks(part) for part in (by_colour - by_shape, variance, by_shape, body))
+        apart, noise, shown = (_blocks(part) for part in (by_colour - by_shape, variance, by_shape))
     full = count == BLOCK**2
     power = float(np.mean(shown[full] ** 2)) if full.any() else 0.0
     if power <= 0.0:
         return None, False
     beyond = float(np.mean(apart[full] ** 2 - noise[full]))
     chance = SIGNIFICANT_SDS * float(np.sqrt(2.0 * np.sum(noise[full] ** 2))) / np.count_nonzero(full)
-    turned = (TILT_RAD / np.sin(np.radians(colours.angle_deg))) ** 2 * float(np.mean(matte[full] ** 2))
-    plain = beyond > max(chance, turned, DISAGREE**2 * power)
+    plain = beyond > max(chance, DISAGREE**2 * power) and beyond > _turned(colours.angle_deg, layers.diffuse, full)
     return float(np.sqrt(max(beyond, 0.0) / power)), plain
 
 
-def _coefficient(layer: Floats, light: Floats) -> Floats:
-    """Of the light's unit colour in a layer (h, w, 3)."""
-    return np.asarray(layer[..., 0] * light[0] + layer[..., 1] * light[1] + layer[..., 2] * light[2])
+def _turned(angle_deg: float, body: Floats, full: NDArray[np.bool_]) -> float:
+    """Mean square over the blocks that are `full` of what a turn of the body's colour shifts to the light's layer."""
+    matte = _blocks(np.sqrt(_scalar(body, body)))[full]
+    return (TILT_RAD / float(np.sin(np.radians(angle_deg)))) ** 2 * float(np.mean(matte**2))
+
+
+def _scalar(layer: Floats, other: Floats) -> Floats:
+    """Scalar product of a layer's colours (h, w, 3) with one colour, or with another layer's."""
+    return np.asarray(layer[..., 0] * other[..., 0] + layer[..., 1] * other[..., 1] + layer[..., 2] * other[..., 2])
 
 
 def _blocks(layer: Floats) -> Floats:

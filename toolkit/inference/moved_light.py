@@ -35,8 +35,9 @@ class MovedLight:
         if self.nearness == 0.0:
             shape = np.shape(points)
             return repeated(self.direction, shape), repeated(self.irradiance or (1.0, 1.0, 1.0), shape)
-        place = np.moveaxis(np.asarray(points), -1, 0)
-        towards = np.stack([d - self.nearness * p for d, p in zip(self.direction, place, strict=True)])
+        towards = self.nearness * np.moveaxis(np.asarray(points), -1, 0)
+        for d, component in zip(self.direction, towards, strict=True):
+            np.subtract(d, component, out=component)
         square = towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2]
         towards /= np.sqrt(square)
         irradiance = np.multiply.outer(self.irradiance or (1.0, 1.0, 1.0), 1.0 / square)

@@ -116,8 +116,9 @@ def _products(vectors: Floats, others: Floats) -> Floats:
 
 def _cosines(n: Sequence[Floats], light: Sequence[Floats], view: Sequence[Floats]) -> tuple[Floats, ...]:
     """In the order of the fields, from components x, y, z."""
-    n_l, n_v, l_v = dot(n, light), dot(n, view), dot(light, view)
-    both = [a + b for a, b in zip(light, view, strict=True)]  # 2 cos(theta_d) h
+    n_l, both = dot(n, light), [a + b for a, b in zip(light, view, strict=True)]  # 2 cos(theta_d) h
+    along_z = view[2].size == 1 and [part.item() for part in view] == [0.0, 0.0, 1.0]  # a camera without perspective
+    n_v, l_v = (n[2], light[2]) if along_z else (dot(n, view), dot(light, view))
     length2 = np.maximum(_sum_of_squares(*both), 1e-24)
     length = np.sqrt(length2)
     across = _sum_of_squares(

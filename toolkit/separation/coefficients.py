@@ -69,11 +69,11 @@ class Solver:
         each by the variance of the third; no term of it is negative, so float32 holds it.
         """
         both, lean = self.within @ values, self.leaning @ variance
-        off = both[2] + nothing
-        inverse = 1 / lean[2]
+        off, inverse = both[2] + nothing, 1 / (lean[2] + nothing)
         both = both[:2] - (lean[:2] * inverse) * off
-        covariance = self.products @ ((variance * inverse)[[1, 2, 0]] * variance[[2, 0, 1]])
-        return Found(both, covariance + nothing, off)
+        share = variance * inverse
+        pairs = np.stack([share[1] * variance[2], share[2] * variance[0], share[0] * variance[1]])
+        return Found(both, self.products @ pairs, off)
 
     def _by_some(self, values: Floats, usable: Mask, variance: Floats) -> Found:
         """Two normal equations a pixel, solved in closed form."""
