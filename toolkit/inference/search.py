@@ -45,7 +45,7 @@ def search(few: Problem) -> list[Optimum]:
     middles = few.seen_in(view.middles() for view in few.views)
     found: list[Optimum] = []
     for u in _starts(middles, weights, apart)[:DESCENTS]:
-        if not any(_leads_down(middles, u, end.u, weights) for end in found):
+        if not (_by_lines(few.model) and any(_leads_down(middles, u, end.u, weights) for end in found)):
             found.append(refine(few, u, weights, lands_sd=LANDS_SD, alike_sd=ALIKE_SD))
     found.sort(key=lambda optimum: optimum.chi2)
     kept = _far_apart([optimum.u for optimum in found], apart)[:MOST_MINIMA]
@@ -134,6 +134,11 @@ def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
     return kept
 
 
+def _by_lines(model: Model) -> bool:
+    """Whether a start is the bottom of a valley, and not a point of a coarse grid, from which a descent may be stuck."""
+    return len(model.specular.parameters) == 1
+
+
 def _grid(model: Model) -> list[list[Floats]]:
     """Lines of shapes over the box: evenly along a highlight's one number, at each start of the body's; else points.
 
@@ -141,7 +146,7 @@ def _grid(model: Model) -> list[list[Floats]]:
     """
     low, high = model.bounds()
     starts = [[np.log(s) if p.log else s for s in p.starts] for p in model.parameters]
-    if len(model.specular.parameters) != 1:
+    if not _by_lines(model):
         return [[np.array(point)] for point in product(*starts)]
     line = np.linspace(low[0], high[0], GRID)
     return [[np.array([u, *body]) for u in line] for body in product(*starts[1:])]
