@@ -135,7 +135,7 @@ def _far_apart(shapes: list[Floats], apart: Floats) -> list[Floats]:
 
 
 def _by_lines(model: Model) -> bool:
-    """Whether a start is the bottom of a valley, and not a point of a coarse grid, from which a descent may be stuck."""
+    """Whether a start is the bottom of a valley, and not a point of a coarse grid, where a descent may be stuck."""
     return len(model.specular.parameters) == 1
 
 
