@@ -184,5 +184,5 @@ def _slope_along(lines: Floats) -> Floats:
     slope = np.empty_like(lines)
     np.subtract(lines[:, 2:], lines[:, :-2], out=slope[:, 1:-1])
     slope[:, 1:-1] /= 2
-    np.subtract(lines[:, [1, -1]], lines[:, [0, -2]], out=slope[:, [0, -1]])
+    slope[:, [0, -1]] = lines[:, [1, -1]] - lines[:, [0, -2]]
     return slope
