@@ -264,7 +264,7 @@ def test_an_owner_that_has_gone_harms_nobody(tmp_path):
     """A reader interrupted as soon as it has asked: its child is not kept, the prepared process is."""
     request, own = json.dumps({"path": str(good.dng(tmp_path / "hang.dng"))}), pid()
     for _ in range(20):
-        with (tmp_path / "answer").open("wb") as answer, prepared._own().line(request, answer):
+        with (tmp_path / "answer").open("wb") as answer, prepared._own().child(request, answer):
             pass
     assert at_rest()
     assert np.array_equal(read(good.dng(tmp_path / "a.dng")).values, good.mosaic())

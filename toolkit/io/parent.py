@@ -1,7 +1,8 @@
 """The prepared process: it has imported the decoders and forks a child for each file. See prepared.py.
 
 It never decodes and has one thread, so that a fork of it is as good as new. Its standard input is a socket, each
-message a request for child.py with two descriptors: the child's line to the owner, and the file for the answer.
+message a request for child.py with three descriptors: the file for the answer, the child's line to the owner, and the
+socket that becomes its standard error. The owner sees the child's end by that socket, which nobody else keeps.
 """
 
 from __future__ import annotations
@@ -47,36 +48,25 @@ def _serve(control: socket.socket) -> NoReturn:
                 poll.unregister(descriptor)
                 _end(children.pop(descriptor))
                 continue
-            request, descriptors, *_ = socket.recv_fds(control, _LONGEST_REQUEST, 2)
+            request, descriptors, *_ = socket.recv_fds(control, _LONGEST_REQUEST, 3)
             if not request:
                 _end_all(children)
-            line, answer = socket.socket(fileno=descriptors[0]), descriptors[1]
-            children[line.fileno()] = _Child(_fork(request.decode(), line, answer, list(children)), line)
+            answer, line, words = descriptors
+            pid = os.fork()
+            if pid == 0:
+                _be_child(request.decode(), answer, words, [line, *children])
+            os.close(answer)
+            os.close(words)
+            children[line] = _Child(pid, socket.socket(fileno=line))
             poll.register(line, select.POLLIN)
 
 
-def _fork(request: str, line: socket.socket, answer: int, other_lines: list[int]) -> int:
-    """A child's process id; its line brings the owner the other end of its standard error, which tells when it ends.
-
-    Nobody but the child holds the end that it writes to, so nobody else can keep the owner waiting.
-    """
-    ours, theirs = socket.socketpair()
-    with ours, theirs:
-        pid = os.fork()
-        if pid == 0:
-            _be_child(request, answer, theirs.fileno(), [ours.fileno(), line.fileno(), *other_lines])
-        os.close(answer)
-        with contextlib.suppress(OSError):  # the owner may have gone, here and below
-            socket.send_fds(line, [b"."], [ours.fileno()])
-    return pid
-
-
-def _be_child(request: str, answer: int, words: int, not_its_own: list[int]) -> NoReturn:
+def _be_child(request: str, answer: int, words: int, lines: list[int]) -> NoReturn:
     """Decode as a fresh interpreter would: nothing at standard input, the answer at standard output."""
     try:
         os.dup2(answer, 1)
         os.dup2(words, 2)
-        for descriptor in (0, answer, words, *not_its_own):
+        for descriptor in (0, answer, words, *lines):
             os.close(descriptor)
         os.open(os.devnull, os.O_RDONLY)  # takes 0, the lowest
         child.main(request)
@@ -90,7 +80,7 @@ def _end(ended: _Child) -> None:
     """Kill a child, which leaves one that has ended as it was, and tell its status."""
     os.kill(ended.pid, signal.SIGKILL)
     status = os.waitstatus_to_exitcode(os.waitpid(ended.pid, 0)[1])
-    with ended.line, contextlib.suppress(OSError):
+    with ended.line, contextlib.suppress(OSError):  # the owner may have gone
         ended.line.send(str(status).encode())
 
 

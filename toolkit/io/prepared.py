@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import IO
 
 from toolkit.io import interpreter
@@ -40,31 +40,26 @@ def run(request: str, answer: IO[bytes], wall_s: float) -> Ending:
     until = time.monotonic() + wall_s
     parent = _own()
     try:
-        with parent.line(request, answer) as line:
-            return _follow(line, until)
+        with parent.child(request, answer) as (line, words):
+            return _follow(line, words, until)
     except (OSError, EOFError) as error:
         _part_with(parent)
         raise NotPreparedError from error
 
 
-def _follow(line: socket.socket, until: float) -> Ending:
+def _follow(line: socket.socket, words: socket.socket, until: float) -> Ending:
     """What a child says, until it ends or its time is over, and how it ended."""
-    line.settimeout(max(until - time.monotonic(), 0.001))
-    _, descriptors, *_ = socket.recv_fds(line, 1, 1)
-    if not descriptors:
-        raise EOFError("the prepared process ended before it forked")
-    with socket.socket(fileno=descriptors[0]) as words:
-        said, ended = _listen(words, until)
+    said, ended = _listen(words, until)
     line.shutdown(socket.SHUT_WR)
     line.settimeout(_GRACE_S)
     status = line.recv(16)
     if not status:
-        raise EOFError("the prepared process ended before its child was reaped")
+        raise EOFError("the prepared process has ended")
     return Ending(int(status) if ended else None, said)
 
 
 def _listen(words: socket.socket, until: float) -> tuple[bytes, bool]:
-    """The last of a child's words, and whether it ended in time: all that could write them have closed."""
+    """The last of a child's words, and whether it ended in time: it alone holds the other end."""
     kept = b""
     while (left := until - time.monotonic()) > 0:
         words.settimeout(left)
@@ -89,16 +84,22 @@ class _Parent:
             self.process = interpreter.start(_BOOT, stdin=theirs.fileno(), stdout=null, stderr=null, apart=True)
 
     @contextmanager
-    def line(self, request: str, answer: IO[bytes]) -> Iterator[socket.socket]:
-        """The line of a new child; raises OSError where the prepared process has ended."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with ours:
-            with theirs, _lock:  # no other thread closes it meanwhile
-                socket.send_fds(self._control, [request.encode()], [theirs.fileno(), answer.fileno()])
-            try:
-                yield ours
-            finally:
-                ours.shutdown(socket.SHUT_RDWR)  # closing is not enough where another thread has forked meanwhile
+    def child(self, request: str, answer: IO[bytes]) -> Iterator[tuple[socket.socket, socket.socket]]:
+        """A new child's line, and what it writes to its standard error.
+
+        Raises OSError where the prepared process has ended.
+        """
+        with ExitStack() as ours:
+            with _lock:  # no fork copies the child's ends, no other thread closes the socket meanwhile
+                line, far_line = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                words, far_words = socket.socketpair()
+                ours.enter_context(line)
+                ours.enter_context(words)
+                with far_line, far_words:
+                    far_ends = [answer.fileno(), far_line.fileno(), far_words.fileno()]
+                    socket.send_fds(self._control, [request.encode()], far_ends)
+            ours.callback(line.shutdown, socket.SHUT_RDWR)  # its closing is nothing to a fork that copied it since
+            yield line, words
 
     def end(self) -> None:
         """Have it end, with its children."""
@@ -117,7 +118,7 @@ class _Parent:
 
 
 _parent: _Parent | None = None
-_lock = threading.RLock()  # held while this process forks, too: no fork copies the socket of one just being started
+_lock = threading.RLock()  # held while this process forks, too: a fork gets no sockets that are on their way
 
 
 def _own() -> _Parent:
