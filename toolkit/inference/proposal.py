@@ -97,15 +97,20 @@ class Anywhere:
     def __init__(self, grid: GridProposal, log_density: Callable[[Floats], Floats]) -> None:
         self.grid, self.log_density = grid, log_density
         self.ahead: Iterator[tuple[Floats, Floats, Floats]] | None = None
+        self.stood: Floats = np.zeros((0, 0))  # where the walkers were left, so that only what moved is looked up
+        self.odds: Floats = np.zeros(0)  # theirs, of the density over that of the proposals
 
     def propose(self, model: _Model, state: _State) -> tuple[_State, NDArray[np.bool_]]:
         """As emcee asks a move: the state with what was accepted, and whether it was of each walker."""
         if self.ahead is None:
             self.ahead = self._proposed(len(state.coords), model.random)
+            self.stood, self.odds = np.full_like(state.coords, np.nan), np.empty(len(state.coords))
         there, density, odds = next(self.ahead)
-        before = state.log_prob - self.grid.log_density(state.coords)
-        accepted = np.log(model.random.random_sample(len(there))) < odds - before
+        if (moved := (state.coords != self.stood).any(axis=1)).any():
+            self.odds[moved] = state.log_prob[moved] - self.grid.log_density(state.coords[moved])
+        accepted = np.log(model.random.random_sample(len(there))) < odds - self.odds
         state.coords[accepted], state.log_prob[accepted] = there[accepted], density[accepted]
+        self.stood, self.odds = state.coords.copy(), np.where(accepted, odds, self.odds)
         return state, accepted
 
     def _proposed(self, walkers: int, random: np.random.RandomState) -> Iterator[tuple[Floats, Floats, Floats]]:

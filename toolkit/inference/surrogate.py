@@ -43,7 +43,11 @@ class Surrogate:
     def log_density(self, u: Floats) -> Floats:
         """Log density, up to a constant, at shapes (S, D); minus infinity outside the box."""
         inside = np.all((u >= self.low) & (u <= self.high), axis=-1)
-        return np.where(inside, self._basis(u) @ self.coefficients[..., 0].ravel(), -np.inf)
+        first, *others = self._along(u)
+        found = first @ self.coefficients[..., 0].reshape(self.nodes, -1)
+        for basis in others:  # one axis after the other: never all the products of their polynomials
+            found = np.einsum("sj,sjr->sr", basis, found.reshape(len(u), self.nodes, -1))
+        return np.where(inside, found[:, 0], -np.inf)
 
     def on_grid(self, places: Floats) -> Floats:
         """Log density (n,) * D at every combination of `places` (n,) along each axis, from -1 to 1 of the box."""
@@ -74,11 +78,15 @@ class Surrogate:
 
     def _basis(self, u: Floats) -> Floats:
         """Products of Chebyshev polynomials at shapes (S, D): (S, nodes^D)."""
-        scaled = np.clip(2 * (u - self.low) / (self.high - self.low) - 1, -1.0, 1.0)
         result = np.ones((len(u), 1))
-        for d in range(len(self.low)):
-            result = (result[:, :, None] * chebvander(scaled[:, d], self.nodes - 1)[:, None, :]).reshape(len(u), -1)
+        for basis in self._along(u):
+            result = (result[:, :, None] * basis[:, None, :]).reshape(len(u), -1)
         return result
+
+    def _along(self, u: Floats) -> list[Floats]:
+        """Chebyshev polynomials (S, nodes) along each axis at shapes (S, D)."""
+        scaled = np.clip(2 * (u - self.low) / (self.high - self.low) - 1, -1.0, 1.0)
+        return [chebvander(along, self.nodes - 1) for along in scaled.T]
 
 
 def surrogate_of(optimum: Optimum) -> Surrogate:
