@@ -20,6 +20,7 @@ from toolkit.records import Fit, LinearImage, Scene
 
 from .clock import Progress
 from .interrupts import interrupts_held
+from .memory import keep_memory
 from .settings import Settings, model_and_variant
 
 FEWEST_CELLS = 60  # per channel: fewer lit, unclipped cells cannot hold a fit
@@ -125,7 +126,7 @@ def _workers(fit: Job, workers: int) -> Iterator[Callable[[Sequence[Pair]], Iter
         return
     _job, others = fit, set(multiprocessing.active_children())
     fork = multiprocessing.get_context("fork")
-    pool = ProcessPoolExecutor(workers, mp_context=fork, initializer=_leave_interrupts_to_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=fork, initializer=_settle_in)
     try:
         yield partial(_begun, pool)
     except BaseException:
@@ -144,8 +145,9 @@ def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Ended]:
     return (future.result() for future in as_completed(futures))
 
 
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _settle_in() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's to answer
+    keep_memory()
 
 
 ALONE = "FIT_MATERIAL_ONE_PROCESS"  # set where the cores are busy with other photographs

@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
+from pipelines.memory import keep_memory
 from toolkit.errors import FitMaterialError, UsageError
 
 from .one import die_with_parent
@@ -63,6 +64,7 @@ def loky_processes(workers: int) -> Iterator[Executor]:
 
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    keep_memory()
     die_with_parent()
 
 

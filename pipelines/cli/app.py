@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
+from pipelines.memory import keep_memory
 from toolkit import __version__
 from toolkit.errors import FitMaterialError, UsageError
 
@@ -64,6 +65,8 @@ def completion(shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code. `argv` are the words after the program's name."""
     open_closed_streams()
+    if argv is None:  # this process is the program's own
+        keep_memory()
     words = list(sys.argv[1:] if argv is None else argv)
     terminal = Terminal(json="--json" in words or "--jsonl" in words, debug="--debug" in words)
     try:

@@ -70,7 +70,10 @@ def seconds(action: Callable[[], object]) -> float:
 
 
 def main() -> list[dict[str, Any]]:
-    """Print the figure; a row of name, figure, target, met."""
+    """Print the figure; a row of name, figure, target, met. This process keeps its memory, as the command's does."""
+    from pipelines.memory import keep_memory
+
+    keep_memory()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ball.dng"
         shoot(path)

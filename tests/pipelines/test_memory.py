@@ -1,0 +1,44 @@
+"""Memory that is kept is not taken from the system again, and the system's own way is a fallback, no error."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+from pipelines import memory
+
+FAULTS = """
+import resource, sys
+import numpy as np
+from pipelines.memory import keep_memory
+kept = keep_memory() if sys.argv[1] == "kept" else False
+def work():
+    for _ in range(50):
+        sum([np.ones(80_000) for _ in range(20)])
+work()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+work()
+print(kept, resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the settings are the GNU C library's")
+def test_a_process_that_keeps_its_memory_takes_each_page_once() -> None:
+    """The second time the same arrays cost no page faults; by the library's own settings tens of thousands."""
+    found = {}
+    for way in ("kept", "plain"):
+        run = subprocess.run([sys.executable, "-c", FAULTS, way], capture_output=True, text=True, check=True)
+        kept, faults = run.stdout.split()
+        found[way] = int(faults)
+        assert (kept == "True") <= (way == "kept")
+    assert found["kept"] < 500 < 20_000 < found["plain"]
+
+
+def test_another_c_library_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is called of it."""
+    monkeypatch.setattr(platform, "libc_ver", lambda: ("", ""))
+    monkeypatch.setattr(memory, "ctypes", None)
+    assert memory.keep_memory() is False
