@@ -12,6 +12,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +78,8 @@ def main() -> list[dict[str, Any]]:
     keep_memory()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ball.dng"
-        shoot(path)
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:  # it leaves a gigabyte behind
+            apart.submit(shoot, path).result()
         ours(path, Path(folder) / "warm"), theirs(path)
         pairs = [
             (seconds(lambda i=i: ours(path, Path(folder) / f"{i}")), seconds(lambda: theirs(path)))
