@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial.chebyshev import chebvander
 
 from toolkit.inference.diagnostics import split_r_hat
 from toolkit.inference.discrepancy import stretched
@@ -15,7 +16,17 @@ from toolkit.inference.model import Model
 from toolkit.inference.posterior import converged, sample
 from toolkit.inference.problem import Optimum, pose
 from toolkit.inference.proposal import POINTS
-from toolkit.inference.surrogate import NODES, _exact, surrogate_of
+from toolkit.inference.surrogate import (
+    DEPTH,
+    NODES,
+    REACH_SD,
+    TOLERANCE,
+    _along_axes,
+    _error_of_lower,
+    _exact,
+    _places,
+    surrogate_of,
+)
 from toolkit.records import Floats, Noise
 from toolkit.reflectance import LOBES
 
@@ -54,6 +65,29 @@ def test_a_chain_at_odds_is_not_silent(optimum: Optimum) -> None:
     assert not converged(replace(good, r_hat_max=1.3))
     assert not converged(replace(good, quadrature_error=0.5))
     assert converged(replace(good, ess_min=100.0, quadrature_error=0.2))  # no more than chance allows
+
+
+@pytest.mark.parametrize(("correlation", "bend"), [(0.8, 0.1), (0.8, 0.3), (0.95, 0.3)])
+def test_a_bent_ridge_askew_in_its_box_is_not_believed(correlation: float, bend: float) -> None:
+    """Of the coarsest grid's 49 points three or fewer lie where such a density counts; it is off by far between them.
+
+    The control: the same ridge straight is told to the last digit.
+    """
+    wide, narrow = np.sqrt(1.0 + correlation), np.sqrt(1.0 - correlation)
+
+    def density(x: Floats, y: Floats, bend: float) -> Floats:
+        along, across = (x + y) / (np.sqrt(2.0) * wide), (x - y) / (np.sqrt(2.0) * narrow)
+        return -0.5 * along**2 - 0.5 * (across - bend * along**2 / (1.0 + 0.3 * along**2)) ** 2
+
+    nodes = NODES[2][0]
+    at, fine = REACH_SD * _places(nodes), np.linspace(-REACH_SD, REACH_SD, 81)
+    back = np.linalg.inv(chebvander(_places(nodes), nodes - 1))
+    for bent in (bend, 0.0):
+        coefficients = _along_axes(density(at[:, None], at, bent)[..., None], back)
+        told = _along_axes(coefficients, chebvander(fine / REACH_SD, nodes - 1))[..., 0]
+        true = density(fine[:, None], fine, bent)
+        off = np.abs(told - true)[true > -DEPTH].max()
+        assert (off > 10 * TOLERANCE) == (_error_of_lower(coefficients) > TOLERANCE) == (bent > 0.0)
 
 
 def test_the_surrogate_is_the_exact_density(optimum: Optimum) -> None:

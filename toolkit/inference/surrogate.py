@@ -2,7 +2,7 @@
 
 Within a few sd of the mode the normal equations are very smooth functions of the shape. Solved exactly on a grid of
 Chebyshev's points, they are interpolated everywhere between: the sampler then never touches the data again, whatever
-the lobes, lights and number of samples. The grid gets finer until the lower two thirds of the polynomial tell as much.
+the lobes, lights and number of samples. The grid gets finer until half of the polynomial's degrees tell as much.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ REACH_SD = 8.0
 FALL = REACH_SD**2 / 2  # of the log density, over so many sds of a normal one
 TOLERANCE = 0.02  # of the log density, wherever it is within DEPTH of its maximum
 DEPTH = 12.0
+LOOKS = 4  # places along an axis for one of the grid's, where another grid could be finer
 CACHED = 2**16  # numbers in the factors that draws are made with at once
 SHORTENINGS = 6
-SURE = 2  # shape numbers of a grid that is cheap enough to be laid anew and fine enough to be believed
+SURE = 2  # shape numbers of a grid that is cheap enough to be laid anew where it tells that its box was too wide
 NODES = {0: (1,), 1: (7, 13, 33, 65), 2: (7, 17), 3: (7, 9), 4: (5,), 5: (5,)}  # along each axis, from coarse to fine
 
 
@@ -38,7 +39,7 @@ class Surrogate:
     high: Floats  # (D,)
     coefficients: Floats  # (nodes,) * D + (1 + P + P (P + 1) / 2,)
     unknowns: int
-    error: float  # largest error of the log density told by fewer of the coefficients
+    error: float  # of the log density by the lower half of the coefficients, where it counts
 
     def log_density(self, u: Floats) -> Floats:
         """Log density, up to a constant, at shapes (S, D); minus infinity outside the box."""
@@ -121,7 +122,7 @@ def _interpolated(optimum: Optimum, box: Floats, nodes: int, evaluate: Evaluate)
         high=high,
         coefficients=coefficients,
         unknowns=optimum.problem.layout.size,
-        error=_error_of_lower(coefficients[..., :1], table[..., :1]),
+        error=_error_of_lower(coefficients[..., :1]),
     )
 
 
@@ -130,16 +131,19 @@ def _places(nodes: int) -> Floats:
     return np.asarray(-np.cos(np.pi * np.arange(nodes) / max(nodes - 1, 1)))
 
 
-def _error_of_lower(coefficients: Floats, density: Floats) -> float:
-    """How far a log density (n, ..., 1) is, where it counts, from its polynomial's part of two thirds of the degree.
+def _error_of_lower(coefficients: Floats) -> float:
+    """How far a polynomial (n, ..., 1) is, where it counts, from its own part of half the degree and one more.
 
-    The whole is closer by as much as two more nodes are worth, some hundred times where this is little.
+    The whole is closer to the log density by as much as its upper degrees are worth, some hundred times where this is
+    little. Looked at between the grid's points, too: of a narrow ridge askew in its box these are few.
     """
-    nodes = len(density)
+    nodes, axes = len(coefficients), coefficients.ndim - 1
+    places = np.linspace(-1.0, 1.0, LOOKS * nodes + 1) if len(NODES[axes]) > 1 else _places(nodes)
     kept = min(nodes // 2 + 2, nodes)
-    lower = coefficients[(slice(kept),) * (density.ndim - 1)]
-    told = _along_axes(lower, chebvander(_places(nodes), kept - 1))
-    return float(np.max(np.abs(told - density)[density > density.max() - DEPTH]))
+    whole, lower = (
+        _along_axes(coefficients[(slice(count),) * axes], chebvander(places, count - 1)) for count in (nodes, kept)
+    )
+    return float(np.max(np.abs(lower - whole)[whole > whole.max() - DEPTH]))
 
 
 def _along_axes(table: Floats, matrix: Floats) -> Floats:
