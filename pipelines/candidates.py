@@ -5,11 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain
+from multiprocessing.process import BaseProcess
 
 from toolkit.errors import BadInputError
 from toolkit.inference.cells import Cells
@@ -127,21 +128,29 @@ def _workers(fit: Job, workers: int) -> Iterator[Callable[[Sequence[Pair]], Iter
     _job, others = fit, set(multiprocessing.active_children())
     fork = multiprocessing.get_context("fork")
     pool = ProcessPoolExecutor(workers, mp_context=fork, initializer=_settle_in)
+    begun: list[Future[Ended]] = []
     try:
-        yield partial(_begun, pool)
+        yield partial(_begun, pool, begun)
     except BaseException:
-        for child in set(multiprocessing.active_children()) - others:
-            child.terminate()
+        _end_all_but(others)
         pool.shutdown()
         raise
     finally:
         _job = None
+    if not all(future.done() for future in begun):  # over what was no good guess
+        _end_all_but(others)
     pool.shutdown(wait=False)  # nobody waits for the forks to tidy up
 
 
-def _begun(pool: ProcessPoolExecutor, pairs: Sequence[Pair]) -> Iterator[Ended]:
+def _end_all_but(others: Collection[BaseProcess]) -> None:
+    for child in set(multiprocessing.active_children()) - set(others):
+        child.terminate()
+
+
+def _begun(pool: ProcessPoolExecutor, begun: list[Future[Ended]], pairs: Sequence[Pair]) -> Iterator[Ended]:
     with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
         futures = [pool.submit(_run, pair) for pair in pairs]
+    begun += futures
     return (future.result() for future in as_completed(futures))
 
 

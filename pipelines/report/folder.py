@@ -35,7 +35,7 @@ def whole(out_dir: Path, *, last: str) -> Iterator[Path]:
     try:
         yield from _whole(out_dir, last)
     except OSError as error:
-        raise _explained(error, out_dir) from error
+        raise explained(error, out_dir) from error
 
 
 def _whole(out_dir: Path, last: str) -> Iterator[Path]:
@@ -86,7 +86,8 @@ def _umask() -> int:
     return mask
 
 
-def _explained(error: OSError, out_dir: Path) -> FitMaterialError:
+def explained(error: OSError, out_dir: Path) -> FitMaterialError:
+    """What keeps files from being written into a folder, in one line: the caller's mistake, or the disk's state."""
     reason = (error.strerror or str(error)).lower()
     if error.errno in _CALLERS_MISTAKE:
         return UsageError(f"cannot write to {out_dir}: {reason}; choose another folder with --out")

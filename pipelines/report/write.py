@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from toolkit.records import LinearImage, MaterialReport, ModelLayers, Photograph
 
-from .folder import sync, whole
+from .folder import explained, sync, whole
 from .result import finite, result_object, result_text
 from .text import stem
 
@@ -51,10 +51,23 @@ def writing(out_dir: Path, *, page: bool = True, exports: Sequence[str] = ()) ->
     is the caller's to ask. What an earlier run with the same stem left and this one does not make goes.
     Raises UsageError for an unknown export or a folder that cannot be written to, FitMaterialError on a full disk.
     """
-    with ExitStack() as held:
-        files = Files(out_dir=out_dir, page=page, exports=exports, held=held)
-        yield files
-    _remove_stale(out_dir, files.name, {*files.begun, ".run.json"})
+    try:
+        with ExitStack() as held:
+            files = Files(out_dir=out_dir, page=page, exports=exports, held=held)
+            try:
+                yield files
+            except OSError as error:  # the files' own are explained already: the folder has no part in this one
+                raise _NotOfFilesError from error
+            finally:
+                files.over = True
+    except _NotOfFilesError as error:
+        raise error.__cause__ or error from None
+    if files.begun:
+        _remove_stale(out_dir, files.name, {*files.begun, ".run.json"})
+
+
+class _NotOfFilesError(Exception):
+    """Carries an error of what is done while files are written past what explains those of writing."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -68,6 +81,7 @@ class Files:
     name: str = ""  # the stem of all of them
     begun: dict[str, Future[float]] = field(default_factory=dict)  # by suffix, the seconds it takes
     place: tuple[Path, ThreadPoolExecutor] | None = None  # not before the first: a fit that fails leaves no trace
+    over: bool = False  # given up, or all written: what a thread still brings comes too late
 
     def layers(self, number: int, image: LinearImage, layers: ModelLayers) -> None:
         """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files."""
@@ -94,8 +108,11 @@ class Files:
                 self._begin(suffix, write)
         result = result_object(report, settings, others)
         self._begin(".json", partial(_text_of, result_text, result))
-        seconds = {suffix: one.result() for suffix, one in self.begun.items()}
-        _write_run(self._draft()[0] / f"{self.name}.run.json", report, seconds)
+        try:
+            seconds = {suffix: one.result() for suffix, one in self.begun.items()}
+            _write_run(self._draft()[0] / f"{self.name}.run.json", report, seconds)
+        except OSError as error:
+            raise explained(error, self.out_dir) from error
         return result
 
     def _begin(self, suffix: str, write: Write) -> None:
@@ -103,6 +120,8 @@ class Files:
         self.begun[suffix] = pool.submit(_timed, write, folder / f"{self.name}{suffix}")
 
     def _draft(self) -> tuple[Path, ThreadPoolExecutor]:
+        if self.over:
+            raise RuntimeError("a file was begun after the others were given up")
         if self.place is None:
             folder = self.held.enter_context(whole(self.out_dir, last=f"{self.name}.json"))
             self.place = folder, self.held.enter_context(ThreadPoolExecutor(TOGETHER))

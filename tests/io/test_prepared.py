@@ -189,11 +189,9 @@ def test_threads_share_the_prepared_process(tmp_path):
     found = []
 
     def one(name, number):
-        path = tmp_path / f"{name}{number}.dng"
+        path, limits = tmp_path / f"{name}{number}.dng", Limits(wall_s=5 if name == "hang" else 60)
         try:
-            found.append(
-                (name, "" if np.array_equal(read(path, limits=Limits(wall_s=5)).values, good.mosaic()) else "?")
-            )
+            found.append((name, "" if np.array_equal(read(path, limits=limits).values, good.mosaic()) else "?"))
         except BadInputError as error:
             found.append((name, str(error)))
 
@@ -227,19 +225,29 @@ def test_a_killed_prepared_process_is_replaced(tmp_path):
 
 @pytest.mark.usefixtures("by_name")
 def test_a_prepared_process_killed_at_work_costs_no_photograph(tmp_path):
-    """A fresh interpreter decodes instead."""
-    photograph, child = good.dng(tmp_path / "hang.dng"), []
+    """A fresh interpreter decodes instead, as soon as the child has ended, too."""
+    photograph = good.dng(tmp_path / "hang.dng")
 
     def kill():
         if becomes(lambda: children(pid())):
-            child.extend(children(pid()))
+            (child,) = children(pid())
             os.kill(pid(), signal.SIGKILL)
+            os.kill(int(child), signal.SIGKILL)  # it sets no limits here; one that does is the next test's
 
     killer = threading.Thread(target=kill)
     killer.start()
-    assert np.array_equal(read(photograph, limits=Limits(wall_s=3)).values, good.mosaic())
+    assert np.array_equal(read(photograph).values, good.mosaic())
     killer.join()
-    os.kill(int(child[0]), signal.SIGKILL)  # it sets no limits here; one that does is the next test's
+
+
+def test_a_prepared_process_that_serves_nobody_takes_no_longer_than_the_limit(tmp_path, monkeypatch):
+    """No fresh interpreter is given the same time once more."""
+    prepared.end()
+    monkeypatch.setattr(prepared, "_BOOT", "import time; time.sleep(600)")
+    monkeypatch.setattr(prepared, "_GRACE_S", 0.2)
+    monkeypatch.setattr(interpreter, "run", None)
+    assert "took longer" in complaint_of(good.dng(tmp_path / "a.dng"), wall_s=1.0)
+    assert prepared._parent is None
 
 
 @pytest.mark.usefixtures("by_name")
@@ -251,10 +259,13 @@ def test_a_child_that_nobody_stops_stops_itself(tmp_path):
 @pytest.mark.usefixtures("by_name")
 def test_a_child_holds_what_is_its_own(tmp_path):
     """Nothing, the answer and its words, while another child is at work; neither line nor socket of anybody."""
-    hanging = threading.Thread(target=complaint_of, args=(good.dng(tmp_path / "hang.dng"),), kwargs={"wall_s": 3.0})
+    hanging = threading.Thread(target=complaint_of, args=(good.dng(tmp_path / "hang.dng"),))
     hanging.start()
     assert becomes(lambda: children(pid()))
+    (at_work,) = children(pid())
     found = complaint_of(good.dng(tmp_path / "holds.dng"))
+    assert at_work in children(pid())
+    os.kill(int(at_work), signal.SIGKILL)
     hanging.join()
     assert "(SystemExit: /dev/null /memfd socket)" in found
 

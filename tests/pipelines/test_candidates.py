@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -68,6 +69,25 @@ def test_a_wrong_guess_at_the_best_model_costs_one_fit(
     last(slow, begun, monkeypatch)
     assert told(settings("phong", "ggx"), 2) == WANTED
     assert sorted(tuple(line.split()) for line in begun.read_text().splitlines()) == sorted(WANTED + wasted)
+
+
+def test_a_fit_over_a_wrong_guess_is_not_waited_for(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would go on in its fork, and hold up this process when that ends."""
+    last("ggx", begun, monkeypatch)
+    quick = candidates.infer_views
+
+    def fake(views: Sequence[object], model: Model, **more: object) -> object:
+        fit = quick(views, model, **more)  # type: ignore[arg-type]  # as given
+        if (model.specular.name, model.diffuse.name) == ("phong", "wolff"):
+            time.sleep(600.0)
+        return fit
+
+    monkeypatch.setattr(candidates, "infer_views", fake)
+    before = set(multiprocessing.active_children())
+    assert told(settings("phong", "ggx"), 2) == WANTED
+    for child in set(multiprocessing.active_children()) - before:
+        child.join(60.0)
+        assert child.exitcode is not None
 
 
 def test_one_by_one_nothing_is_fitted_in_vain(begun: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 import pipelines.colours
 import toolkit.inference.compare
 from pipelines.fit_material import fit_jointly
-from pipelines.report.write import write_outputs
+from pipelines.report.write import write_outputs, writing
 from pipelines.run import run
 from toolkit.errors import FitMaterialError
 from toolkit.radiometry.quads import quads
@@ -96,4 +96,27 @@ def test_a_run_that_fails_late_leaves_nothing(ball: Path, tmp_path: Path, monkey
     monkeypatch.setattr("pipelines.srgb.colour_of", failing)
     with pytest.raises(FitMaterialError, match="no colours"):
         run([(ball, settings(ball))], tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_that_no_file_has_met_is_told_as_it_is(ball: Path, tmp_path: Path) -> None:
+    """Whoever watches the progress may lose the line to a terminal: the folder has no part in that."""
+
+    def progress(stage: str, _: float) -> None:
+        if stage == "writing":
+            raise BrokenPipeError("nobody watches")
+
+    with pytest.raises(BrokenPipeError, match="nobody watches"):
+        run([(ball, settings(ball))], tmp_path / "out", progress=progress)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_file_is_begun_after_all_was_given_up(ball: Path, tmp_path: Path) -> None:
+    """A thread may still bring the layers."""
+    report = fit_jointly([(ball, settings(ball))])
+    assert report.layers is not None
+    with pytest.raises(KeyboardInterrupt), writing(tmp_path / "out") as files:
+        raise KeyboardInterrupt
+    with pytest.raises(RuntimeError, match="given up"):
+        files.layers(0, report.image, report.layers)
     assert list(tmp_path.iterdir()) == []

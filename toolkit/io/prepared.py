@@ -44,6 +44,8 @@ def run(request: str, answer: IO[bytes], wall_s: float) -> Ending:
             return _follow(line, words, until)
     except (OSError, EOFError) as error:
         _part_with(parent)
+        if time.monotonic() >= until:  # no time is left for another to try
+            return Ending(None, b"")
         raise NotPreparedError from error
 
 
