@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,9 +23,35 @@ RIM = 2.0  # quads inside the outline: half a quad, and the blur of a lens
 CHART_SD_DEG = 1.0  # the greys of a printed chart differ by as much
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Seen:
+    """What a separation by colour looks at and no fit has a part in: h x w pixels, or quads of a mosaic."""
+
+    values: NDArray[np.float32]  # (h, w, 3), each channel moved to the middle of its quad
+    usable: NDArray[np.bool_]  # (h, w, 3)
+    bloom: NDArray[np.bool_]  # (h, w)
+    on_sphere: NDArray[np.bool_]  # (h, w)
+    origin_px: tuple[float, float]
+    step_px: int
+
+
+def seen_by_colour(image: LinearImage, picture: Quads, scene: Scene) -> Seen:
+    """A photograph as colour sees it."""
+    row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
+    (x0, y0), step = picture.origin_px, picture.step_px
+    return Seen(
+        values=at_one_place(image, picture),
+        usable=usable_samples(image),
+        bloom=flagged(picture.flags, SampleFlag.BLOOM),
+        on_sphere=on_sphere(scene.camera, _inside(scene.sphere, image), x0 + step * column, y0 + step * row),
+        origin_px=picture.origin_px,
+        step_px=picture.step_px,
+    )
+
+
 def separate_colours(
     image: LinearImage,
-    picture: Quads,
+    seen: Seen | None,
     scene: Scene,
     settings: Settings,
     fit: Fit,
@@ -33,42 +59,41 @@ def separate_colours(
     reference: Reference | None = None,
     colour: CameraColour | None = None,
 ) -> ColourLayers | None:
-    """What colour alone separates; None where that is not asked for, or the photograph's colours cannot tell.
+    """What colour alone separates; None where that is not asked for, without `seen`, or the photograph's colours cannot
+    tell. It works in the place of `seen`'s values.
 
     The light's colour is the given one, a card's or a chart's, else what `fit` leaves as highlight, else the colours'
     own best guess.
     """
-    if settings.separation.method == "none":
+    if seen is None:
         return None
     from toolkit.separation import best_illuminant, separate
 
-    row, column = np.ogrid[: picture.values.shape[0], : picture.values.shape[1]]
-    (x0, y0), step = picture.origin_px, picture.step_px
-    values = at_one_place(image, picture)
+    values = seen.values
     values -= np.asarray(fit.colours["pedestal"], np.float32)  # black's error turns dim colours
-    seen: dict[str, Any] = {
+    masks: dict[str, Any] = {
         "variance": image.noise,
-        "usable": usable_samples(image),
-        "bloom": flagged(picture.flags, SampleFlag.BLOOM),
-        "on_sphere": on_sphere(scene.camera, _inside(scene.sphere, image), x0 + step * column, y0 + step * row),
+        "usable": seen.usable,
+        "bloom": seen.bloom,
+        "on_sphere": seen.on_sphere,
     }
     try:
         white = image.metadata.as_shot_neutral
         light = best_illuminant(
             values,
-            **seen,
+            **masks,
             known=_known_illuminants(scene, settings, fit, reference, colour),
             camera_white=np.array(white) if len(white) == 3 else None,
         )
         return separate(
             values,
-            **seen,
+            **masks,
             light_colour=light.colour,
             light_covariance=light.covariance,
             light_source=light.source,
             light_reason=light.reason,
-            origin_px=picture.origin_px,
-            step_px=picture.step_px,
+            origin_px=seen.origin_px,
+            step_px=seen.step_px,
         )
     except BadInputError:  # too few colours that can be used: the fit has its own word on that
         return None

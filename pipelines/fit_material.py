@@ -18,7 +18,12 @@ from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
 
 if TYPE_CHECKING:
+    from toolkit.flags import Flag
     from toolkit.radiometry.quads import Quads
+
+    from .colours import Seen
+
+    _Ready = tuple[Seen | None, tuple[Flag, ...]]
 
 Drawn = Callable[[int, LinearImage, ModelLayers], None]
 
@@ -59,16 +64,18 @@ def fit_jointly(
 
     from .candidates import fit_models
     from .colours import layers_of_fit, separate_colours
-    from .quality import quality_flags, shown_flags
+    from .quality import quality_flags
     from .srgb import colour_of
 
     # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
     with threadpool_limits(1), ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: another core's work
         early: list[tuple[Fit, Future[ModelLayers]]] = []
+        ready: list[_Ready] = []  # of the first photographs
 
         def idle(fits: Sequence[Fit]) -> None:
             likely = fits[rank(tuple(fits))[0]]
             early.append((likely, beside.submit(layers_of_fit, looked[0][0].image, looked[0][1], likely)))
+            ready.append(_ready(*looked[0], asked[0][1]))
 
         with clock.stage("fit"):
             fits = fit_models(
@@ -82,14 +89,14 @@ def fit_jointly(
             drawing = ahead[0] if ahead else beside.submit(layers_of_fit, one.image, picture, mine)
             telling = beside.submit(_tell, drawn, v, one.image, drawing)
             with clock.stage("separate"):
+                in_colour, shown = ready[v] if v < len(ready) else _ready(one, picture, own)
                 separation = separate_colours(
-                    one.image, picture, one.scene, own, mine, reference=one.reference, colour=one.colour
+                    one.image, in_colour, one.scene, own, mine, reference=one.reference, colour=one.colour
                 )
                 colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
-                shown = shown_flags(one.image, one.scene)
             with clock.stage("layers"):
                 layers = telling.result()
-                agreed = None if own.separation.method == "none" else agreement(separation, layers, mine)
+                agreed = agreement(separation, layers, mine) if in_colour else None
                 full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
             seen.append(replace(full, flags=one.flags + quality_flags(full, shown, fits[best], preferred)))
     return MaterialReport(
@@ -108,6 +115,15 @@ def fit_jointly(
         colour=seen[0].colour,
         photographs=tuple(seen) if len(seen) > 1 else (),
     )
+
+
+def _ready(one: Photograph, picture: Quads, settings: Settings) -> _Ready:
+    """What is known of a photograph before its fits: what colour sees, where that is asked for, and its own flags."""
+    from .colours import seen_by_colour
+    from .quality import shown_flags
+
+    seen = None if settings.separation.method == "none" else seen_by_colour(one.image, picture, one.scene)
+    return seen, shown_flags(one.image, one.scene)
 
 
 def _tell(drawn: Drawn | None, number: int, image: LinearImage, drawing: Future[ModelLayers]) -> ModelLayers:
