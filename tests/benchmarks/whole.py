@@ -28,7 +28,7 @@ from toolkit.geometry.lights import DirectionalLight
 from toolkit.records import Camera, Scene, Sphere
 
 WIDTH_PX, HEIGHT_PX = 6000, 4000
-TARGET, REPEATS = 1.0, 3
+TARGET, REPEATS = 1.0, 6
 
 
 def shoot(path: Path) -> None:
