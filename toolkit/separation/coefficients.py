@@ -69,11 +69,11 @@ class Solver:
         each by the variance of the third; no term of it is negative, so float32 holds it.
         """
         both, lean = self.within @ values, self.leaning @ variance
-        off, inverse = both[2] + nothing, 1 / (lean[2] + nothing)
+        off, inverse = both[2] + nothing, 1 / lean[2]
         both = both[:2] - (lean[:2] * inverse) * off
         share = variance * inverse
         pairs = np.stack([share[1] * variance[2], share[2] * variance[0], share[0] * variance[1]])
-        return Found(both, self.products @ pairs, off)
+        return Found(both, self.products @ pairs + nothing, off)
 
     def _by_some(self, values: Floats, usable: Mask, variance: Floats) -> Found:
         """Two normal equations a pixel, solved in closed form."""
