@@ -356,7 +356,7 @@ def test_it_ends_with_its_owner(tmp_path, end):
     code = f"""
 def hang():
     try: read(sys.argv[1])
-    except Exception: pass
+    except Exception: pass  # its process ends, whatever the read makes of that
 threading.Thread(target=hang, daemon=True).start()
 while not children(pid()): time.sleep(0.01)
 say(pid(), *children(pid()))
