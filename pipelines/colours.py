@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from toolkit.errors import BadInputError
 from toolkit.flags import SampleFlag, flagged
 from toolkit.geometry.sphere import on_sphere
-from toolkit.radiometry.quads import Quads, at_one_place
-from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, ModelLayers, Reference, Scene, Sphere
+from toolkit.radiometry.quads import Quads, at_one_place, usable_samples
+from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, Reference, Scene, Sphere
 
 from .settings import Settings
 
@@ -123,30 +123,3 @@ def _known_illuminants(
         found.append(illuminant(colour.white, sd_deg=CHART_SD_DEG, source="card", reason="the colour chart's greys"))
     shown = None if found else light_colour(fit)
     return found if shown is None else [shown]
-
-
-def usable_samples(image: LinearImage) -> NDArray[np.bool_]:
-    """Per pixel or quad and channel, whether no sample is flagged (h, w, 3)."""
-    height = min(plane.values.shape[0] for plane in image.planes)
-    width = min(plane.values.shape[1] for plane in image.planes)
-    usable = np.ones((3, height, width), bool)
-    for plane in image.planes:
-        usable[plane.channel] &= plane.flags[:height, :width] == 0
-    return np.moveaxis(usable, 0, -1)
-
-
-def layers_of_fit(image: LinearImage, picture: Quads, fit: Fit) -> ModelLayers:
-    """The fit's own layers on the same grid, each channel where its samples lie."""
-    from toolkit.inference.layers import layers_of
-
-    places = np.array(
-        [np.mean([p.origin_px for p in image.planes if p.channel == channel], axis=0) for channel in range(3)]
-    )
-    return layers_of(
-        fit,
-        picture.values,
-        usable_samples(image),
-        origin_px=picture.origin_px,
-        step_px=picture.step_px,
-        places_px=places - picture.origin_px,
-    )

@@ -6,11 +6,10 @@ file -> RawFrame -> LinearImage -> Scene -> Fits (with their posteriors) -> Colo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
@@ -22,10 +21,23 @@ if TYPE_CHECKING:
     from toolkit.radiometry.quads import Quads
 
     from .colours import Seen
+    from .drawing import Lines
+    from .workers import Workers
 
     _Ready = tuple[Seen | None, tuple[Flag, ...]]
 
-Drawn = Callable[[int, LinearImage, ModelLayers], None]
+
+class Ahead(Protocol):
+    """Who is told of what is there before the report is."""
+
+    def join(self, crew: Workers) -> None:
+        """Of the workers, while those may still be told of jobs."""
+
+    def fits(self, image: LinearImage, fits: tuple[Fit, ...], best: int) -> None:
+        """Of all fits to the photographs, of which `image` is the first."""
+
+    def layers(self, number: int, image: LinearImage, layers: ModelLayers, lines: Lines) -> None:
+        """Of a photograph's layers of the best fit, which may still be drawn: `lines(rows)` waits for some of them."""
 
 
 def fit_material(
@@ -45,14 +57,13 @@ def fit_jointly(
     *,
     progress: Progress | None = None,
     processes: int | None = None,
-    drawn: Drawn | None = None,
+    ahead: Ahead | None = None,
 ) -> MaterialReport:
     """Fit every model to several photographs of one material at once, each under its own settings.
 
     They share the shape and the colours; light, sphere, black level and unknown irradiance are each one's own. What
-    is fitted the first one's settings say. `drawn(number, image, layers)` is told of each photograph's layers of the
-    best fit as soon as they are there, from another thread and before the report is: they are what takes longest to
-    write.
+    is fitted the first one's settings say. `ahead` is told of fits and layers as soon as they are known: they are what
+    takes longest to write.
     """
     clock, settings = Clock(progress), asked[0][1]
     looked = [_look(path, own, clock) for path, own in asked]
@@ -62,32 +73,35 @@ def fit_jointly(
     from toolkit.inference.compare import rank
     from toolkit.inference.joint import of_photograph
 
-    from .candidates import fit_models
-    from .colours import layers_of_fit, separate_colours
+    from .candidates import fit_models, fits_at_once
+    from .colours import separate_colours
+    from .drawing import Studio
     from .quality import quality_flags
     from .srgb import colour_of
+    from .workers import workers
 
     # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
-    with threadpool_limits(1), ThreadPoolExecutor(1) as beside:  # numpy lets go of the interpreter: another core's work
-        early: list[tuple[Fit, Future[ModelLayers]]] = []
-        ready: list[_Ready] = []  # of the first photographs
+    with threadpool_limits(1), workers(fits_at_once(settings, processes)) as crew:
+        studio = Studio([(one.image, picture) for one, picture in looked], crew)
+        ready: list[_Ready] = []  # of the first photograph, where a core was idle
+        if ahead is not None:
+            ahead.join(crew)
 
         def idle(fits: Sequence[Fit]) -> None:
-            likely = fits[rank(tuple(fits))[0]]
-            early.append((likely, beside.submit(layers_of_fit, looked[0][0].image, looked[0][1], likely)))
+            studio.drawing(0, fits[rank(tuple(fits))[0]])
             ready.append(_ready(*looked[0], asked[0][1]))
 
         with clock.stage("fit"):
-            fits = fit_models(
-                [(one.image, one.scene) for one, _ in looked], settings, progress, processes=processes, idle=idle
-            )
+            fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, crew, idle=idle)
             best, preferred, lead = rank(fits)
+        if ahead is not None:
+            ahead.fits(looked[0][0].image, fits, best)
         seen = []
         for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
             mine = of_photograph(fits[best], v)
-            ahead = [layers for fit, layers in early if fit is mine]
-            drawing = ahead[0] if ahead else beside.submit(layers_of_fit, one.image, picture, mine)
-            telling = beside.submit(_tell, drawn, v, one.image, drawing)
+            shapes = studio.drawing(v, mine)
+            if ahead is not None:
+                ahead.layers(v, one.image, shapes.layers, shapes.lines)
             with clock.stage("separate"):
                 in_colour, shown = ready[v] if v < len(ready) else _ready(one, picture, own)
                 separation = separate_colours(
@@ -95,7 +109,7 @@ def fit_jointly(
                 )
                 colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
             with clock.stage("layers"):
-                layers = telling.result()
+                layers = shapes.whole()
                 agreed = agreement(separation, layers, mine) if in_colour else None
                 full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
             seen.append(replace(full, flags=one.flags + quality_flags(full, shown, fits[best], preferred)))
@@ -124,13 +138,6 @@ def _ready(one: Photograph, picture: Quads, settings: Settings) -> _Ready:
 
     seen = None if settings.separation.method == "none" else seen_by_colour(one.image, picture, one.scene)
     return seen, shown_flags(one.image, one.scene)
-
-
-def _tell(drawn: Drawn | None, number: int, image: LinearImage, drawing: Future[ModelLayers]) -> ModelLayers:
-    layers = drawing.result()
-    if drawn is not None:
-        drawn(number, image, layers)
-    return layers
 
 
 def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:

@@ -35,3 +35,11 @@ def keep_memory() -> bool:
     if not 0 < end - begin <= 2 * KEPT:  # it was taken elsewhere
         return False
     return bool(library.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), MADV_HUGEPAGE) == 0)
+
+
+def give_back_memory() -> None:
+    """Give what this process keeps free back to the system, before a fork: else each side's first write to a page of it
+    copies that page.
+    """
+    if sys.platform == "linux" and platform.libc_ver()[0] == "glibc":
+        ctypes.CDLL(None).malloc_trim(ctypes.c_size_t(0))

@@ -34,7 +34,7 @@ def run(
     from .fit_material import fit_jointly
 
     with writing(out_dir, page=page, exports=exports) as files:
-        report = fit_jointly(asked, progress=progress, processes=processes, drawn=files.layers)
+        report = fit_jointly(asked, progress=progress, processes=processes, ahead=files)
         if progress is not None:
             progress("writing", 1.0)
         settings, *others = (own for _, own in asked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,24 +11,28 @@ from toolkit.records import Floats, LinearImage, ModelLayers
 
 from .scanlines import write_lines
 
+if TYPE_CHECKING:
+    from pipelines.drawing import Lines
+
 LAYERS = ("diffuse", "model", "residual", "specular")  # by name, as are the channels of each: OpenEXR's order
 LETTERS = "BGR"
 
 
-def write_layers(path: Path, layers: ModelLayers, image: LinearImage) -> None:
+def write_layers(path: Path, layers: ModelLayers, image: LinearImage, *, lines: Lines | None = None) -> None:
     """Write float32 scan lines, not packed; 0 off the sphere. One sample a quad where a mosaic was fitted.
 
+    `lines(rows)` gives some of the layers once they are there, of what is still being drawn.
     displayWindow is the image at the layers' resolution, dataWindow the sphere's box in it. Raises OSError where the
     disk does not take it.
     """
     height, width = layers.diffuse.shape[:2]
     x, y = (round((origin - (layers.step_px - 1) / 2) / layers.step_px) for origin in layers.origin_px)
 
-    def fill(rows: slice, lines: Floats) -> None:
-        part = layers.lines(rows)
-        for planes, name in zip(np.split(lines, len(LAYERS), axis=1), LAYERS, strict=True):
+    def fill(rows: slice, to: Floats) -> None:
+        part = (lines or layers.lines)(rows)
+        for planes, name in zip(np.split(to, len(LAYERS), axis=1), LAYERS, strict=True):
             planes[...] = np.moveaxis(getattr(part, name)[..., ::-1], -1, 1)
-        np.copyto(lines, 0.0, where=~np.isfinite(lines))
+        np.copyto(to, 0.0, where=~np.isfinite(to))
 
     write_lines(
         path,

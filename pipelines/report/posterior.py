@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import toolkit
-from toolkit.records import Fit, MaterialReport
+from toolkit.records import Fit
 
 from . import netcdf
 
@@ -21,16 +21,16 @@ DIMENSIONS = ("chain", "draw", "channel")
 DIAGNOSTICS = ("ess_min", "r_hat_max", "tau_max", "acceptance")
 
 
-def write_posterior(path: Path, report: MaterialReport) -> None:
-    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open."""
-    path.write_bytes(_image(report))
+def write_posterior(path: Path, *, fits: tuple[Fit, ...], best: int, sha256: str) -> None:
+    """Write a netCDF-4 file that `xarray.open_datatree` and `arviz.from_netcdf` open; `sha256` is the photograph's."""
+    path.write_bytes(_image(fits, best, sha256))
 
 
-def _image(report: MaterialReport) -> bytes:
+def _image(fits: tuple[Fit, ...], best: int, sha256: str) -> bytes:
     with netcdf.new_file() as file, netcdf.group(file, "fits") as others:
-        for index, (name, fit) in enumerate(zip(names(report.fits), report.fits, strict=True)):
-            with nullcontext(file) if index == report.best else netcdf.group(others, name) as owner:
-                _write_fit(owner, fit, report.image.sha256)
+        for index, (name, fit) in enumerate(zip(names(fits), fits, strict=True)):
+            with nullcontext(file) if index == best else netcdf.group(others, name) as owner:
+                _write_fit(owner, fit, sha256)
         return netcdf.image(file)
 
 

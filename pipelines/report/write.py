@@ -12,14 +12,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from toolkit.records import LinearImage, MaterialReport, ModelLayers, Photograph
+from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .folder import explained, sync, whole
 from .result import finite, result_object, result_text
 from .text import stem
 
 if TYPE_CHECKING:
+    from pipelines.drawing import Lines
     from pipelines.settings import Settings
+    from pipelines.workers import Workers
 
 OWN = (".json", ".run.json", ".html", ".posterior.nc", ".layers.exr", ".settings.toml")
 NUMBERED = (".layers-*.exr", ".settings-*.toml")  # of a joint fit's photographs after the first
@@ -81,12 +83,26 @@ class Files:
     name: str = ""  # the stem of all of them
     begun: dict[str, Future[float]] = field(default_factory=dict)  # by suffix, the seconds it takes
     place: tuple[Path, ThreadPoolExecutor] | None = None  # not before the first: a fit that fails leaves no trace
+    crew: Workers | None = None
     over: bool = False  # given up, or all written: what a thread still brings comes too late
 
-    def layers(self, number: int, image: LinearImage, layers: ModelLayers) -> None:
-        """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files."""
+    def join(self, crew: Workers) -> None:
+        """Have the crew write what a process of its own writes better, as long as it is there."""
+        self.crew = crew
+        crew.learn(_timed)
+
+    def fits(self, image: LinearImage, fits: tuple[Fit, ...], best: int) -> None:
+        """Begin the draws of all fits; the image's name is that of all files."""
+        self.name = stem(image.name)
+        self._begin(".posterior.nc", _posterior(image, fits, best), self.crew)
+
+    def layers(self, number: int, image: LinearImage, layers: ModelLayers, lines: Lines) -> None:
+        """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files.
+
+        They may still be drawn: `lines(rows)` waits for some of them.
+        """
         self.name = self.name or stem(image.name)
-        self._begin(_layers_suffix(number), partial(_layers, layers, image))
+        self._begin(_layers_suffix(number), partial(_layers, layers, image, lines))
 
     def rest(
         self,
@@ -102,11 +118,11 @@ class Files:
         the first; their settings and layers are numbered: `STEM.layers-2.exr`.
         """
         self.name = stem(report.image.name)
+        result = result_object(report, settings, others)  # before the threads: they would share the interpreter with it
         writers = _writers(report, settings, others, page=self.page, exports=self.exports)
         for suffix, write in {**writers, **(beside or {})}.items():
             if suffix not in self.begun:
                 self._begin(suffix, write)
-        result = result_object(report, settings, others)
         self._begin(".json", partial(_text_of, result_text, result))
         try:
             seconds = {suffix: one.result() for suffix, one in self.begun.items()}
@@ -115,9 +131,9 @@ class Files:
             raise explained(error, self.out_dir) from error
         return result
 
-    def _begin(self, suffix: str, write: Write) -> None:
+    def _begin(self, suffix: str, write: Write, crew: Workers | None = None) -> None:
         folder, pool = self._draft()
-        self.begun[suffix] = pool.submit(_timed, write, folder / f"{self.name}{suffix}")
+        self.begun[suffix] = (crew or pool).submit(_timed, write, folder / f"{self.name}{suffix}")
 
     def _draft(self) -> tuple[Path, ThreadPoolExecutor]:
         if self.over:
@@ -137,22 +153,26 @@ def _writers(
     report: MaterialReport, settings: Settings | None, others: Sequence[Settings], *, page: bool, exports: Sequence[str]
 ) -> dict[str, Write]:
     """What is written beside STEM.json, by suffix; what the report cannot fill is left out."""
-    from .posterior import write_posterior
-
     writers: dict[str, Write] = {}  # what takes longest first, so that no core waits for the other
     shown: Sequence[MaterialReport | Photograph] = report.photographs or (report,)
     for number, one in enumerate(shown):
         if one.layers is not None:
-            writers[_layers_suffix(number)] = partial(_layers, one.layers, one.image)
+            writers[_layers_suffix(number)] = partial(_layers, one.layers, one.image, None)
     if page:
         writers[".html"] = lambda path: _page(path, report, settings)
     if report.fits:
-        writers[".posterior.nc"] = lambda path: write_posterior(path, report)
+        writers[".posterior.nc"] = _posterior(report.image, report.fits, report.best)
     if settings is not None:
         writers[".settings.toml"] = lambda path: _text(path, _settings_text(settings))
     for number, own in enumerate(others, start=2):
         writers[f".settings-{number}.toml"] = partial(_text_of, _settings_text, own)
     return writers | _export_writers(report, exports)
+
+
+def _posterior(image: LinearImage, fits: tuple[Fit, ...], best: int) -> Write:
+    from .posterior import write_posterior
+
+    return partial(write_posterior, fits=fits, best=best, sha256=image.sha256)
 
 
 def _text(path: Path, text: str) -> None:
@@ -189,10 +209,10 @@ def _layers_suffix(number: int) -> str:
     return f".layers-{number + 1}.exr" if number else ".layers.exr"
 
 
-def _layers(layers: ModelLayers, image: LinearImage, path: Path) -> None:
+def _layers(layers: ModelLayers, image: LinearImage, lines: Lines | None, path: Path) -> None:
     from .layers_exr import write_layers
 
-    write_layers(path, layers, image)
+    write_layers(path, layers, image, lines=lines)
 
 
 def _export_suffixes(exports: Sequence[str]) -> list[str]:

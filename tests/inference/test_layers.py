@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.colours import layers_of_fit
+from pipelines.drawing import layers_of_fit
 from toolkit.inference import layers as module
 from toolkit.inference.infer import gather_for, infer
 from toolkit.inference.layers import layers_of

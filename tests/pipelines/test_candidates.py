@@ -13,6 +13,7 @@ import pytest
 from pipelines import candidates
 from pipelines.candidates import fit_models
 from pipelines.settings import FitTable, Settings
+from pipelines.workers import workers
 from toolkit.inference.model import Model
 
 Pair = tuple[str, str]
@@ -32,7 +33,6 @@ def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         )
 
     monkeypatch.setattr(candidates, "infer_views", fake)
-    monkeypatch.delenv(candidates.ALONE, raising=False)
     return book
 
 
@@ -55,7 +55,8 @@ def settings(*models: str, diffuse: Sequence[str] = ()) -> Settings:
 
 
 def told(of: Settings, processes: int) -> list[Pair]:
-    return [(fit.model, fit.diffuse) for fit in fit_models((), of, None, processes=processes)]
+    with workers(processes) as crew:
+        return [(fit.model, fit.diffuse) for fit in fit_models((), of, None, crew)]
 
 
 WANTED = [("phong", "lambert"), ("ggx", "lambert"), ("ggx", "oren-nayar"), ("ggx", "wolff")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,15 @@ import pytest
 
 import pipelines.colours
 import toolkit.inference.compare
+from pipelines import drawing
+from pipelines.drawing import Lines
 from pipelines.fit_material import fit_jointly
 from pipelines.report.write import write_outputs, writing
 from pipelines.run import run
+from pipelines.workers import Workers
 from toolkit.errors import FitMaterialError
 from toolkit.radiometry.quads import quads
-from toolkit.records import Fit, ModelLayers
+from toolkit.records import Fit, LinearImage, ModelLayers
 
 from .test_fit_material import ball, settings
 
@@ -38,22 +42,46 @@ def test_what_a_run_writes_is_what_its_report_would_write(ball: Path, tmp_path: 
     assert result["best"] == report.best
 
 
-def test_layers_are_told_of_while_colours_are_still_separated(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The separation waits here for the layers to be told: the other way round nobody would end."""
-    told: list[tuple[int, ModelLayers]] = []
-    heard, separate = threading.Event(), pipelines.colours.separate_colours
+class Told:
+    """Who is told of what is there before the report is, and reads the layers as a file would, in a thread."""
+
+    def __init__(self) -> None:
+        self.fits_told: list[tuple[Fit, ...]] = []
+        self.layers_told: list[tuple[int, ModelLayers]] = []
+        self.read = threading.Event()
+
+    def join(self, _: Workers) -> None:
+        """Nothing for the crew to do."""
+
+    def fits(self, _: LinearImage, fits: tuple[Fit, ...], best: int) -> None:
+        assert fits[best] is not None
+        self.fits_told.append(fits)
+
+    def layers(self, number: int, _: LinearImage, layers: ModelLayers, lines: Lines) -> None:
+        self.layers_told.append((number, layers))
+
+        def read() -> None:
+            assert np.isfinite(lines(np.s_[:]).diffuse).any()
+            self.read.set()
+
+        threading.Thread(target=read, daemon=True).start()
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_layers_can_be_read_while_colours_are_still_separated(
+    ball: Path, monkeypatch: pytest.MonkeyPatch, processes: int
+) -> None:
+    """The separation waits here for the layers to be read: the other way round nobody would end."""
+    told, separate = Told(), pipelines.colours.separate_colours
 
     def waiting(*args: Any, **more: Any) -> Any:
-        assert heard.wait(LONG_S)
+        assert told.read.wait(LONG_S)
         return separate(*args, **more)
 
-    def drawn(number: int, _: object, layers: ModelLayers) -> None:
-        told.append((number, layers))
-        heard.set()
-
     monkeypatch.setattr(pipelines.colours, "separate_colours", waiting)
-    report = fit_jointly([(ball, settings(ball))], drawn=drawn)
-    assert [(number, layers is report.layers) for number, layers in told] == [(0, True)]
+    report = fit_jointly([(ball, settings(ball, fit=TWO))], ahead=told, processes=processes)
+    assert [(number, layers is report.layers) for number, layers in told.layers_told] == [(0, True)]
+    assert told.fits_told == [report.fits]
 
 
 @pytest.mark.parametrize("right", [True, False])
@@ -62,11 +90,11 @@ def test_layers_drawn_ahead_are_kept_only_if_they_are_of_the_best_fit(
 ) -> None:
     """While the last fit is out the likely best is drawn; where it is not the best in the end, that is drawn anew."""
     made: list[str] = []
-    draw, rank = pipelines.colours.layers_of_fit, toolkit.inference.compare.rank
+    begin, rank = drawing.Drawing.__init__, toolkit.inference.compare.rank
 
-    def watched(image: Any, picture: Any, fit: Fit) -> ModelLayers:
+    def watched(self: drawing.Drawing, canvas: drawing.Canvas, fit: Fit, how: drawing.Begin) -> None:
         made.append(fit.model)
-        return draw(image, picture, fit)
+        begin(self, canvas, fit, how)
 
     def misled(fits: tuple[Fit, ...]) -> Any:
         best, *others = rank(fits)
@@ -74,14 +102,33 @@ def test_layers_drawn_ahead_are_kept_only_if_they_are_of_the_best_fit(
         first = next((i for i, fit in enumerate(fits) if fit.model == wanted), best)
         return (first if len(fits) < 4 else best, *others)
 
-    monkeypatch.setattr(pipelines.colours, "layers_of_fit", watched)
+    monkeypatch.setattr(drawing.Drawing, "__init__", watched)
+    monkeypatch.setattr(drawing, "STRIP", 5000)
     monkeypatch.setattr(toolkit.inference.compare, "rank", misled)
     asked = settings(ball, fit={**TWO, "diffuse": []})
     report = fit_jointly([(ball, asked)], processes=2)
     assert made == (["torrance-sparrow"] if right else ["phong", "torrance-sparrow"])
     assert report.layers is not None
-    of_best = draw(report.image, quads(report.image), report.fits[report.best])
+    of_best = drawing.layers_of_fit(report.image, quads(report.image), report.fits[report.best])
     assert np.array_equal(report.layers.specular, of_best.specular, equal_nan=True)
+
+
+@pytest.mark.parametrize("blur_px2", [0.0, 2.0])
+def test_strips_make_the_whole_picture(ball: Path, monkeypatch: pytest.MonkeyPatch, blur_px2: float) -> None:
+    """A channel's move to its place and the camera's blur reach from one strip into the next."""
+    report = fit_jointly([(ball, settings(ball, fit={**TWO, "models": ["phong"]}))])
+    fit, picture = report.fits[0], quads(report.image)
+    fit = replace(fit, scene=replace(fit.scene, camera=replace(fit.scene.camera, blur_px2=blur_px2)))
+    whole = drawing.layers_of_fit(report.image, picture, fit)
+    monkeypatch.setattr(drawing, "STRIP", 7 * picture.values.shape[1])
+    canvas = drawing.Canvas.of(report.image, picture)
+    for rows in canvas.strips():
+        canvas.draw(fit, rows)
+    drawn = canvas.layers(fit)
+    assert len(canvas.strips()) > 10
+    assert drawn.origin_px == whole.origin_px
+    for name in ("photograph", "diffuse", "specular", "used"):
+        assert np.array_equal(getattr(drawn, name), getattr(whole, name), equal_nan=name != "used"), name
 
 
 def test_a_run_that_fails_late_leaves_nothing(ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,5 +165,5 @@ def test_no_file_is_begun_after_all_was_given_up(ball: Path, tmp_path: Path) -> 
     with pytest.raises(KeyboardInterrupt), writing(tmp_path / "out") as files:
         raise KeyboardInterrupt
     with pytest.raises(RuntimeError, match="given up"):
-        files.layers(0, report.image, report.layers)
+        files.layers(0, report.image, report.layers, report.layers.lines)
     assert list(tmp_path.iterdir()) == []

@@ -113,7 +113,7 @@ def layers_of(
         for layer in (diffuse, specular):
             _move_to(places_px / step_px, layer)
     if fit.scene.camera.blur_px2 > 0.0:
-        specular = _blurred(specular, float(np.sqrt(fit.scene.camera.blur_px2)) / step_px)
+        specular = _blurred(specular, _blur(fit, step_px))
     return ModelLayers(
         photograph=np.asarray(picture, np.float32),
         diffuse=np.moveaxis(diffuse, 0, -1),
@@ -123,6 +123,13 @@ def layers_of(
         origin_px=origin_px,
         step_px=step_px,
     )
+
+
+def rows_beyond(fit: Fit, step_px: int) -> int:
+    """How many rows of a picture above and below some rows their layers depend on, by the camera's blur and the moves
+    to the channels' places.
+    """
+    return 1 + (round(4.0 * _blur(fit, step_px)) + 1 if fit.scene.camera.blur_px2 > 0.0 else 0)
 
 
 def _pictures(fit: Fit, x: Floats, y: Floats, seen: NDArray[np.bool_]) -> tuple[Floats, Floats]:
@@ -150,6 +157,11 @@ def _bands(lines: NDArray[np.intp], width: int) -> Iterator[slice]:
     many = max(CHUNK // width, 1)
     for start in range(int(lines[0]), int(lines[-1]) + 1, many) if len(lines) else ():
         yield slice(start, min(start + many, int(lines[-1]) + 1))
+
+
+def _blur(fit: Fit, step_px: int) -> float:
+    """Sd of the camera's blur, in pixels of the picture."""
+    return float(np.sqrt(fit.scene.camera.blur_px2)) / step_px
 
 
 def _blurred(layer: Floats, sd: float) -> Floats:

@@ -39,6 +39,16 @@ def quads(image: LinearImage) -> Quads:
     return Quads(values=np.moveaxis(values, 0, -1), flags=flags, origin_px=origin, step_px=first.step_px)
 
 
+def usable_samples(image: LinearImage, rows: slice = np.s_[:]) -> NDArray[np.bool_]:
+    """Per pixel or quad and channel, whether no sample is flagged (h, w, 3); of some rows of them."""
+    height = min(plane.values.shape[0] for plane in image.planes)
+    width = min(plane.values.shape[1] for plane in image.planes)
+    usable = np.ones((3, len(range(height)[rows]), width), bool)
+    for plane in image.planes:
+        usable[plane.channel] &= plane.flags[:height, :width][rows] == 0
+    return np.moveaxis(usable, 0, -1)
+
+
 def at_one_place(image: LinearImage, picture: Quads) -> NDArray[np.float32]:
     """The image's own quads (h, w, 3), each sample moved to the middle of its quad by the slope around it.
 

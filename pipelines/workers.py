@@ -1,0 +1,123 @@
+"""Work side by side in forks of this process: each finds what it needs where this process holds it, at no cost.
+
+Forks and threads do not mix, so the forks are begun together, with the first job, and a process that begins them has
+no threads of its own yet.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed, wait
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, ParamSpec, TypeVar
+
+from .interrupts import interrupts_held
+from .memory import give_back_memory, keep_memory
+
+ALONE = "FIT_MATERIAL_ONE_PROCESS"  # set where the cores are busy with other photographs
+Asked = ParamSpec("Asked")
+Given = TypeVar("Given")
+Argument = TypeVar("Argument")
+Job = Callable[..., Any]
+
+
+def side_by_side(processes: int | None) -> int:
+    """How many jobs to do at once: `processes`, or one a core; one where this process may have no children."""
+    if multiprocessing.current_process().daemon or os.environ.get(ALONE):
+        return 1
+    return processes or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+
+
+@contextmanager
+def workers(count: int) -> Iterator[Workers]:
+    """So many workers, until all that is due is done; on an error or an interrupt they end in the midst of it."""
+    crew = Workers(count)
+    try:
+        yield crew
+    except BaseException:
+        crew.end(given_up=True)
+        raise
+    crew.end()
+
+
+class Workers:
+    """`count` forks of this process; a single worker is a thread of it.
+
+    What they do is told before the first job is begun; the arguments and what comes of them travel between processes.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._known: list[Job] = []
+        self._due: list[Future[Any]] = []
+        self._guesses: list[Future[Any]] = []
+        self._pool: Executor | None = None
+        self._others = set(multiprocessing.active_children())
+
+    def learn(self, job: Job) -> None:
+        """Tell of a job. Raises RuntimeError where the forks have begun, which would not know it."""
+        if self._pool is not None:
+            raise RuntimeError("the workers have begun already; tell them of all jobs before the first")
+        self._known.append(job)
+
+    def submit(self, job: Callable[Asked, Given], *asked: Asked.args, **more: Asked.kwargs) -> Future[Given]:
+        """Begin a job that they have been told of; it is due in the end, unless it is cancelled."""
+        future: Future[Given] = self._begin(job, asked, more)
+        self._due.append(future)
+        return future
+
+    def each(
+        self, job: Callable[[Argument], Given], asked: Sequence[Argument], *, guess: bool = False
+    ) -> Iterator[tuple[Argument, Given]]:
+        """What comes of each argument, as it is there: all are begun at once; by a single worker one by one, in the
+        caller's thread, each when it is asked for.
+
+        What is done by a `guess` and never asked for is not waited for.
+        """
+        if self.count < 2:
+            return ((one, job(one)) for one in asked)
+        futures: dict[Future[Given], Argument] = {self._begin(job, (one,), {}): one for one in asked}
+        (self._guesses if guess else self._due).extend(futures)
+        return ((futures[future], future.result()) for future in as_completed(futures))
+
+    def end(self, *, given_up: bool = False) -> None:
+        """End them, once all is done that is due, or at once where that is `given_up`."""
+        if self._pool is None:
+            return
+        if not given_up:
+            wait(self._due)
+        if self.count > 1 and not all(future.done() for future in (*self._due, *self._guesses)):
+            for child in set(multiprocessing.active_children()) - self._others:
+                child.terminate()
+        _known.clear()
+        self._pool.shutdown(wait=given_up, cancel_futures=True)  # nobody waits for forks to tidy up
+
+    def _begin(self, job: Job, asked: tuple[Any, ...], more: dict[str, Any]) -> Future[Any]:
+        with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
+            if self._pool is None:
+                self._pool = self._forks() if self.count > 1 else ThreadPoolExecutor(1)
+            if self.count < 2:
+                return self._pool.submit(job, *asked, **more)
+            return self._pool.submit(_run, self._known.index(job), asked, more)
+
+    def _forks(self) -> Executor:
+        """Begun with the first job that is submitted, all of them."""
+        _known[:] = self._known
+        give_back_memory()
+        return ProcessPoolExecutor(self.count, mp_context=get_context("fork"), initializer=_settle_in)
+
+
+_known: list[Job] = []  # what the forks find where this process left it
+
+
+def _run(number: int, asked: tuple[Any, ...], more: dict[str, Any]) -> object:
+    return _known[number](*asked, **more)
+
+
+def _settle_in() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's to answer
+    keep_memory()
