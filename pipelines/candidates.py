@@ -19,7 +19,7 @@ from .workers import Workers, side_by_side
 FEWEST_CELLS = 60  # per channel: fewer lit, unclipped cells cannot hold a fit
 OTHER_BODIES = ("oren-nayar", "wolff")  # tried with the best model unasked; costlier ones wait for `--diffuse`
 Pair = tuple[str, str]  # a specular model with its variant, a diffuse lobe
-Idle = Callable[[Sequence[Fit]], None]
+Idle = Callable[[tuple[Fit, ...]], None]
 
 
 def fit_models(

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
+from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
@@ -20,11 +20,8 @@ if TYPE_CHECKING:
     from toolkit.flags import Flag
     from toolkit.radiometry.quads import Quads
 
-    from .colours import Seen
-    from .drawing import Lines
+    from .drawing import Drawing, Lines
     from .workers import Workers
-
-    _Ready = tuple[Seen | None, tuple[Flag, ...]]
 
 
 class Ahead(Protocol):
@@ -74,45 +71,48 @@ def fit_jointly(
     from toolkit.inference.joint import of_photograph
 
     from .candidates import fit_models, fits_at_once
-    from .colours import separate_colours
     from .drawing import Studio
-    from .quality import quality_flags
-    from .srgb import colour_of
+    from .quality import quality_flags, shown_flags
     from .workers import workers
 
     # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
     with threadpool_limits(1), workers(fits_at_once(settings, processes)) as crew:
         studio = Studio([(one.image, picture) for one, picture in looked], crew)
-        ready: list[_Ready] = []  # of the first photograph, where a core was idle
         if ahead is not None:
             ahead.join(crew)
 
-        def idle(fits: Sequence[Fit]) -> None:
-            studio.drawing(0, fits[rank(tuple(fits))[0]])
-            ready.append(_ready(*looked[0], asked[0][1]))
+        def show(v: int, fit: Fit) -> _Shown:
+            """Begin a photograph's layers of this fit, and separate its colours meanwhile."""
+            one, picture = looked[v]
+            drawing = studio.drawing(v, fit)
+            if ahead is not None:
+                ahead.layers(v, one.image, drawing.layers, drawing.lines)
+            separation, colour = _separated(one, picture, asked[v][1], fit)
+            return _Shown(fit, drawing, separation, colour, shown_flags(one.image, one.scene))
+
+        early: list[_Shown] = []  # of the first photograph by the likely best fit, while the last one is out
 
         with clock.stage("fit"):
-            fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, crew, idle=idle)
+            fits = fit_models(
+                [(one.image, one.scene) for one, _ in looked],
+                settings,
+                progress,
+                crew,
+                idle=lambda so_far: early.append(show(0, so_far[rank(so_far)[0]])),
+            )
             best, preferred, lead = rank(fits)
         if ahead is not None:
             ahead.fits(looked[0][0].image, fits, best)
         seen = []
-        for v, ((one, picture), (_, own)) in enumerate(zip(looked, asked, strict=True)):
+        for v, ((one, _), (_, own)) in enumerate(zip(looked, asked, strict=True)):
             mine = of_photograph(fits[best], v)
-            shapes = studio.drawing(v, mine)
-            if ahead is not None:
-                ahead.layers(v, one.image, shapes.layers, shapes.lines)
             with clock.stage("separate"):
-                in_colour, shown = ready[v] if v < len(ready) else _ready(one, picture, own)
-                separation = separate_colours(
-                    one.image, in_colour, one.scene, own, mine, reference=one.reference, colour=one.colour
-                )
-                colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+                shown = early[0] if early and early[0].fit is mine else show(v, mine)
             with clock.stage("layers"):
-                layers = shapes.whole()
-                agreed = agreement(separation, layers, mine) if in_colour else None
-                full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
-            seen.append(replace(full, flags=one.flags + quality_flags(full, shown, fits[best], preferred)))
+                layers = shown.drawing.whole()
+                agreed = None if own.separation.method == "none" else agreement(shown.separation, layers, mine)
+                full = replace(one, separation=shown.separation, layers=layers, agreement=agreed, colour=shown.colour)
+            seen.append(replace(full, flags=one.flags + quality_flags(full, shown.flags, fits[best], preferred)))
     return MaterialReport(
         image=seen[0].image,
         scene=seen[0].scene,
@@ -131,13 +131,26 @@ def fit_jointly(
     )
 
 
-def _ready(one: Photograph, picture: Quads, settings: Settings) -> _Ready:
-    """What is known of a photograph before its fits: what colour sees, where that is asked for, and its own flags."""
-    from .colours import seen_by_colour
-    from .quality import shown_flags
+class _Shown(NamedTuple):
+    """What is shown of a photograph by a fit."""
+
+    fit: Fit
+    drawing: Drawing
+    separation: ColourLayers | None
+    colour: CameraColour | None
+    flags: tuple[Flag, ...]  # of the photograph's samples alone
+
+
+def _separated(
+    one: Photograph, picture: Quads, settings: Settings, fit: Fit
+) -> tuple[ColourLayers | None, CameraColour | None]:
+    """The photograph's colours separated, where that is asked for and they can be, and the camera's own."""
+    from .colours import seen_by_colour, separate_colours
+    from .srgb import colour_of
 
     seen = None if settings.separation.method == "none" else seen_by_colour(one.image, picture, one.scene)
-    return seen, shown_flags(one.image, one.scene)
+    separation = separate_colours(one.image, seen, one.scene, settings, fit, reference=one.reference, colour=one.colour)
+    return separation, one.colour or colour_of(one.image.metadata, one.scene, separation)
 
 
 def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:

@@ -93,8 +93,9 @@ class Workers:
         if self.count > 1 and not all(future.done() for future in (*self._due, *self._guesses)):
             for child in set(multiprocessing.active_children()) - self._others:
                 child.terminate()
-        _known.clear()
         self._pool.shutdown(wait=given_up, cancel_futures=True)  # nobody waits for forks to tidy up
+        for held in (_known, self._known, self._due, self._guesses):  # photographs, in the end
+            held.clear()
 
     def _begin(self, job: Job, asked: tuple[Any, ...], more: dict[str, Any]) -> Future[Any]:
         with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running

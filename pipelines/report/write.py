@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -99,10 +99,12 @@ class Files:
     def layers(self, number: int, image: LinearImage, layers: ModelLayers, lines: Lines) -> None:
         """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files.
 
-        They may still be drawn: `lines(rows)` waits for some of them.
+        They may still be drawn: `lines(rows)` waits for some of them. Told again, they replace what was begun.
         """
         self.name = self.name or stem(image.name)
-        self._begin(_layers_suffix(number), partial(_layers, layers, image, lines))
+        if (suffix := _layers_suffix(number)) in self.begun:
+            wait([self.begun[suffix]])
+        self._begin(suffix, partial(_layers, layers, image, lines))
 
     def rest(
         self,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import threading
 import time
+import weakref
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -53,7 +55,7 @@ def test_one_worker_is_this_process_and_begins_what_is_asked_for() -> None:
         assert [pid for _, pid in crew.each(job, [3])] == [os.getpid()]
         assert crew.submit(job, 4).result() == os.getpid()
     assert begun == [3, 4]
-    assert set(multiprocessing.active_children()) == before
+    assert set(multiprocessing.active_children()) <= before
 
 
 def test_forks_cannot_be_told_of_a_job_too_late() -> None:
@@ -132,7 +134,7 @@ def test_workers_that_were_asked_for_nothing_were_never_begun() -> None:
     crew = Workers(2)
     before = set(multiprocessing.active_children())
     crew.end()
-    assert set(multiprocessing.active_children()) == before
+    assert set(multiprocessing.active_children()) <= before
 
 
 def test_one_job_at_a_time_where_other_photographs_keep_the_cores_busy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,3 +144,26 @@ def test_one_job_at_a_time_where_other_photographs_keep_the_cores_busy(monkeypat
     assert side_by_side(None) >= 1
     monkeypatch.setenv(ALONE, "1")
     assert side_by_side(3) == side_by_side(None) == 1
+
+
+def test_workers_that_have_ended_hold_nothing() -> None:
+    """A job's owner often has the crew, too: a photograph would stay until the collector of such circles comes by."""
+
+    class Owner:
+        def __init__(self, crew: Workers) -> None:
+            self.crew = crew
+            crew.learn(self.job)
+
+        def job(self) -> int:
+            return os.getpid()
+
+    gc.disable()
+    try:
+        with workers(2) as crew:
+            owner = Owner(crew)
+            crew.submit(owner.job).result()
+        gone = weakref.ref(owner)
+        del owner
+        assert gone() is None
+    finally:
+        gc.enable()
