@@ -10,6 +10,7 @@ from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, Scene
 from toolkit.reflectance.blockwise import Piece
 from toolkit.reflectance.cosines import Cosines, per_place
+from toolkit.reflectance.fresnel import schlick_pair
 
 from .moved_light import parts, returned_of
 
@@ -93,7 +94,7 @@ def returned_on(light: Light, seen: Surface) -> Floats | None:
 
 
 def _schlick(cosines: Cosines) -> Floats:
-    return per_place(cosines.l_dot_h, lambda cosine: (1.0 - cosine) ** 5)
+    return per_place(cosines.l_dot_h, lambda cosine: schlick_pair(cosine)[1])
 
 
 def colour_of(light: Light) -> Floats:
