@@ -13,7 +13,7 @@ from toolkit.records import Fit, Floats
 
 from .blocks import COUNT, Blocks
 from .problem import Optimum
-from .solving import inverse, marginal
+from .solving import inverse, inverse_each, marginal
 
 DECIDED_SD = 2.0  # a model is preferred where its lead exceeds its own sd this many times
 EQUAL_SD = 1.0  # up to a lead of so many of its sds the simpler model is as good (Breiman et al. 1984)
@@ -26,22 +26,21 @@ def elpd_blocks(optimum: Optimum, blocks: Blocks) -> Floats:
     for v, (own, informations) in enumerate(zip(blocks.own, blocks.information, strict=True)):
         mine = slice(COUNT * v, COUNT * (v + 1))
         joint, of_all = marginal(optimum.joint, own), covariance[own[:, None], own]
-        parts = zip(informations, blocks.score[mine, own], blocks.density[mine], strict=True)
-        found += [_without(joint, of_all, *part) for part in parts]
-    return np.array(found)
+        found.append(_without(joint, of_all, informations, blocks.score[mine, own], blocks.density[mine]))
+    return np.concatenate(found)
 
 
-def _without(joint: Floats, of_all: Floats, information: Floats, score: Floats, plain: float) -> float:
-    """Predictive density of a block from a posterior that never saw it, by Woodbury's identity."""
-    if not information.any():
-        return 0.0
-    covariance = inverse(joint - information + 1e-12 * np.diag(np.diag(joint)))
-    shift = -covariance @ score
-    moved = score - information @ shift
-    quadratic = -2 * float(shift @ score) + float(shift @ information @ shift)
-    quadratic -= float(moved @ of_all @ moved)
+def _without(joint: Floats, of_all: Floats, informations: Floats, scores: Floats, plain: Floats) -> Floats:
+    """Predictive densities of blocks (B,), each from a posterior that never saw it, by Woodbury's identity."""
+    found, held = np.zeros(len(plain)), informations.any(axis=(1, 2))
+    information, score = informations[held], scores[held]
+    covariance = inverse_each(joint - information + 1e-12 * np.diag(np.diag(joint)))
+    shift = -np.vecdot(covariance, score[:, None])
+    moved = score - np.vecdot(information, shift[:, None])
+    quadratic = -np.vecdot(score + moved, shift) - np.vecdot(moved @ of_all, moved)
     _, spread = np.linalg.slogdet(np.eye(len(joint)) + covariance @ information)
-    return plain - 0.5 * quadratic - 0.5 * float(spread)
+    found[held] = plain[held] - 0.5 * (quadratic + spread)
+    return found
 
 
 def bic_of(optimum: Optimum, blocks: Blocks) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.flags import Flag
 from toolkit.records import Fit, Floats, LinearImage, Scene
 
-from .blocks import blocks_of, by_block, centred
+from .blocks import blocks_of, centred
 from .cells import Cells
 from .compare import bic_of, elpd_blocks
 from .discrepancy import stretch_of, stretched
@@ -71,8 +71,7 @@ def infer_views(
     shifts = shifts_of_all(scenes, fixed)
     where = [blocks_of(view.scene, view.cells) for view in views]
     optimum, total = fit_with_shifts(pose_views(model, views), shifts, where if discrepancy else ())
-    by_noise = by_noise_alone(optimum)
-    blocks = by_block(by_noise, *where)
+    by_noise, blocks = by_noise_alone(optimum, *where)
     scores = centred(blocks.score) / optimum.problem.tempering
     stretch = stretch_of(optimum, scores) if discrepancy else np.eye(len(optimum.joint))
     draws = stretched(optimum, sample(optimum, seed=seed, effective=effective, progress=progress), stretch)

@@ -129,6 +129,16 @@ class Weighing:
         """How many data count, of all channels."""
         return sum(w.counted for w in self.weights)
 
+    def scaled(self, factor: float) -> Weighing:
+        """All weights times a factor."""
+        if factor == 1.0:
+            return self
+        return Weighing(
+            weights=tuple(w.scaled(factor) for w in self.weights),
+            weighted=tuple(factor * each for each in self.weighted),
+            gram=tuple(factor * each for each in self.gram),
+        )
+
 
 def weigh(weights: tuple[Weights, ...], extras: tuple[Floats, ...]) -> Weighing:
     """Weights of a problem with these extra columns, (n, q) per channel."""

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from toolkit.records import Floats, Noise, Scene, scale_of
 
@@ -94,6 +95,11 @@ class Problem:
         """What the shape numbers' ranges count as (D,)."""
         low, high = self.model.bounds()
         return np.asarray(12.0 / (high - low) ** 2)
+
+    @property
+    def known_precision(self) -> Floats:
+        """What is known of linear unknowns and shape without the data (P + D, P + D)."""
+        return block_diag(self.prior.precision, np.diag(self.shape_precision))
 
     def predict(self, cols: Evaluated, x: Floats, step: Floats | None = None) -> tuple[Floats, ...]:
         """What is predicted of each channel's data, after a `step` (D,) of the shape to first order."""

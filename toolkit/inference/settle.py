@@ -152,8 +152,7 @@ def _tempered(here: Projection, tempering: float) -> Projection:
     lighter = here.problem.tempering / tempering
     if lighter == 1.0:
         return here
-    weights = weigh(tuple(w.scaled(lighter) for w in here.weights.weights), here.problem.extras)
-    return project(replace(here.problem, tempering=tempering), here.u, weights, here.columns)
+    return project(replace(here.problem, tempering=tempering), here.u, here.weights.scaled(lighter), here.columns)
 
 
 def _linearised(problem: Problem, here: Projection, shifts: Shifts, total: Floats) -> Problem:
@@ -171,8 +170,8 @@ def _tempered_optimum(linear: Problem, here: Projection, blocks: Blocks, step: f
         if stands(found, before):
             break
         tempering, step = next_tempering(before, found, step)
-        weights = weigh(tuple(w.scaled(before / tempering) for w in end.weights.weights), linear.extras)
-        end = refine(replace(end.problem, tempering=tempering), end.at, weights, end.columns)
+        tempered = replace(end.problem, tempering=tempering)
+        end = refine(tempered, end.at, end.weights.scaled(before / tempering), end.columns)
         found = tempering_of(end, blocks)
     return end, found, step
 

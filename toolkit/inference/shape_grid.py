@@ -19,10 +19,10 @@ from .cells import ChannelCells
 from .columns import Evaluate, columns
 from .normal import Sums, equations
 from .problem import Optimum
+from .solving import scaled_each
 from .weights import Weights
 
 BODY = 1  # the column that is the body lobe's; the others are the highlight's, or no lobe's
-RIDGE = 1e-13  # of a diagonal of ones
 MOST_NUMBERS = 2**23  # in the matrices that are worked on at once
 
 
@@ -58,9 +58,8 @@ def solved_on_grid(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> Solved
 
 def _solved(optimum: Optimum, matrix: Floats, rhs: Floats, squares: Floats) -> Solved:
     """Of normal equations (g, P, P), (g, P), and the squares (g,)."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scaled, scale = scaled_each(matrix)
     across = scale[..., :, None] * scale[..., None, :]
-    scaled = matrix * across + RIDGE * np.eye(matrix.shape[-1])
     mean = np.linalg.solve(scaled, (rhs * scale)[..., None])[..., 0] * scale
     chi2 = squares - np.sum(mean * rhs, axis=-1)
     log_determinant = np.linalg.slogdet(scaled)[1] - 2.0 * np.sum(np.log(scale), axis=-1)

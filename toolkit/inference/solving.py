@@ -10,6 +10,8 @@ from toolkit.records import Floats
 
 from .normal import Prior
 
+RIDGE = 1e-13  # of a diagonal of ones
+
 
 def solve(matrix: Floats, rhs: Floats) -> Floats:
     """Solve a symmetric positive system, scaled so that units do not matter; never raises on a singular one."""
@@ -20,7 +22,7 @@ def solve(matrix: Floats, rhs: Floats) -> Floats:
     one = rhs.ndim == 1
     wanted = (rhs * scale)[:, None] if one else rhs * scale[:, None]
     raised = scaled.copy()
-    raised.flat[:: len(scale) + 1] += 1e-13
+    raised.flat[:: len(scale) + 1] += RIDGE
     _, result, failed = dposv(raised, wanted, lower=1)
     if failed:
         result = np.linalg.lstsq(scaled, wanted, rcond=1e-12)[0]
@@ -31,6 +33,20 @@ def inverse(matrix: Floats) -> Floats:
     """Covariance from a precision matrix."""
     covariance = solve(matrix, np.eye(len(matrix)))
     return 0.5 * (covariance + covariance.T)
+
+
+def scaled_each(matrix: Floats) -> tuple[Floats, Floats]:
+    """Symmetric positive matrices (S, P, P) with a diagonal of ones and a little more, so that units do not matter;
+    and what their rows and columns were multiplied with (S, P).
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    return matrix * scale[:, :, None] * scale[:, None, :] + RIDGE * np.eye(matrix.shape[-1]), scale
+
+
+def inverse_each(matrix: Floats) -> Floats:
+    """Covariances (S, P, P) from precision matrices."""
+    scaled, scale = scaled_each(matrix)
+    return np.asarray(np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :])
 
 
 def marginal(matrix: Floats, own: NDArray[np.intp]) -> Floats:
@@ -68,9 +84,8 @@ def _within(matrix: Floats, rhs: Floats, prior: Prior, x: Floats) -> tuple[Float
 
 def bounded_each(matrix: Floats, rhs: Floats, prior: Prior) -> Floats:
     """The same of several systems (S, P, P) and (S, P) at once: (S, P)."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
-    raised = matrix * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(matrix.shape[-1])
-    found = np.linalg.solve(raised, (rhs * scale)[..., None])[..., 0] * scale
+    scaled, scale = scaled_each(matrix)
+    found = np.linalg.solve(scaled, (rhs * scale)[..., None])[..., 0] * scale
     for i in np.flatnonzero(((found < prior.low) | (found > prior.high)).any(axis=-1)):
         found[i], _ = _within(matrix[i], rhs[i], prior, found[i])
     return np.asarray(found)

@@ -15,9 +15,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import centred, scores_of
+from .blocks import Blocks, by_block, centred, scores_of
 from .descend import misfit_root
-from .normal import weigh
 from .problem import Optimum
 from .solving import inverse
 
@@ -35,11 +34,9 @@ def tempering_of(optimum: Optimum, blocks: Sequence[NDArray[np.intp]]) -> float:
     tempering = optimum.problem.tempering
     if tempering == 1.0 and misfit_root(optimum.chi2, optimum.weights.counted, 1.0) == 0.0:
         return 1.0
-    covariance, size = inverse(optimum.joint), optimum.problem.layout.size
-    scores = centred(scores_of(optimum, *blocks))
+    covariance, scores = inverse(optimum.joint), centred(scores_of(optimum, *blocks))
     spread = float(np.sum((scores @ covariance) * scores))
-    known = float(np.sum(covariance[:size, :size] * optimum.problem.prior.precision))
-    known += float(np.diag(covariance)[size:] @ optimum.problem.shape_precision)
+    known = float(np.sum(covariance * optimum.problem.known_precision))
     return max(tempering * spread / (len(covariance) - known), 1.0)
 
 
@@ -60,14 +57,18 @@ def next_tempering(tempering: float, found: float, last: float) -> tuple[float, 
     return tempering * float(np.exp(step)), step
 
 
-def by_noise_alone(optimum: Optimum) -> Optimum:
-    """The same place with the data's full weight: what the noise alone would make of the fit."""
-    tempering, problem = optimum.problem.tempering, replace(optimum.problem, tempering=1.0)
-    if tempering == 1.0:
-        return optimum
-    weights = weigh(tuple(w.scaled(tempering) for w in optimum.weights.weights), problem.extras)
-    normal = problem.assemble(optimum.columns, weights, optimum.x)
-    return replace(optimum, problem=problem, weights=weights, joint=normal.matrix, chi2=normal.squares)
+def by_noise_alone(optimum: Optimum, *where: NDArray[np.intp]) -> tuple[Optimum, Blocks]:
+    """The same place with the data's full weight: what the noise alone would make of the fit; and what its blocks say.
+
+    `where`, one a photograph, (N,) is the block of every cell. All blocks together are all of the data.
+    """
+    problem, weights = optimum.problem, optimum.weights.scaled(optimum.problem.tempering)
+    problem, chi2 = replace(problem, tempering=1.0), chi2_tempered(optimum, 1.0)
+    blocks = by_block(replace(optimum, problem=problem, weights=weights), *where)
+    joint = problem.known_precision
+    for own, information in zip(blocks.own, blocks.information, strict=True):
+        joint[own[:, None], own] += information.sum(axis=0)
+    return replace(optimum, problem=problem, weights=weights, joint=joint, chi2=chi2), blocks
 
 
 def chi2_tempered(optimum: Optimum, tempering: float) -> float:
