@@ -22,9 +22,13 @@ def _parabola() -> Surrogate:
     coefficients = np.polynomial.chebyshev.poly2cheb(
         np.array([-(CENTRE**2), 16 * CENTRE, -64.0]) / (2 * SD**2)  # -(8 t - CENTRE)^2 / (2 SD^2)
     )
-    return Surrogate(
-        low=np.array([-8.0]), high=np.array([8.0]), coefficients=coefficients[:, None], unknowns=0, error=0.0
-    )
+    return _of_shapes_alone(np.array([-8.0]), np.array([8.0]), coefficients)
+
+
+def _of_shapes_alone(low: Floats, high: Floats, density: Floats) -> Surrogate:
+    """Without linear unknowns."""
+    none = np.zeros((*density.shape, 0))
+    return Surrogate(low=low, high=high, density=density, mean=none, factor=none[..., None], error=0.0)
 
 
 def _normal(u: Floats) -> Floats:
@@ -64,9 +68,7 @@ def test_proposals_are_drawn_as_their_density_says() -> None:
 
 def test_proposals_reach_to_the_ends_of_the_box_and_no_further() -> None:
     """Of a density that is even over a square each strip along its edge holds what it should, to 4 sds of chance."""
-    flat = Surrogate(
-        low=np.array([-1.0, 2.0]), high=np.array([1.0, 2.5]), coefficients=np.zeros((1, 1, 1)), unknowns=0, error=0.0
-    )
+    flat = _of_shapes_alone(np.array([-1.0, 2.0]), np.array([1.0, 2.5]), np.zeros((1, 1)))
     places = GridProposal.of(flat).draw(40_000, np.random.RandomState(8))
     share = (places - flat.low) / (flat.high - flat.low)
     assert share.min() >= 0.0

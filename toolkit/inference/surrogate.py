@@ -33,49 +33,47 @@ NODES = {0: (1,), 1: (7, 13, 33, 65), 2: (7, 17), 3: (7, 9), 4: (5,), 5: (5,)}  
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surrogate:
-    """Log density of the shape, and mean and Cholesky factor of the linear unknowns given it."""
+    """Log density of the shape, and mean and Cholesky factor of the linear unknowns given it, by their coefficients."""
 
     low: Floats  # (D,)
     high: Floats  # (D,)
-    coefficients: Floats  # (nodes,) * D + (1 + P + P (P + 1) / 2,)
-    unknowns: int
+    density: Floats  # (nodes,) * D
+    mean: Floats  # (nodes,) * D + (P,)
+    factor: Floats  # (nodes,) * D + (P, P), lower triangles
     error: float  # of the log density by the lower half of the coefficients, where it counts
 
     def log_density(self, u: Floats) -> Floats:
         """Log density, up to a constant, at shapes (S, D); minus infinity outside the box."""
         inside = np.all((u >= self.low) & (u <= self.high), axis=-1)
         first, *others = self._along(u)
-        found = first @ self.coefficients[..., 0].reshape(self.nodes, -1)
+        found = first @ self.density.reshape(self.nodes, -1)
         for basis in others:  # one axis after the other: never all the products of their polynomials
             found = np.einsum("sj,sjr->sr", basis, found.reshape(len(u), self.nodes, -1))
         return np.where(inside, found[:, 0], -np.inf)
 
     def on_grid(self, places: Floats) -> Floats:
         """Log density (n,) * D at every combination of `places` (n,) along each axis, from -1 to 1 of the box."""
-        return _along_axes(self.coefficients[..., :1], chebvander(places, self.nodes - 1))[..., 0]
+        return _along_axes(self.density[..., None], chebvander(places, self.nodes - 1))[..., 0]
 
     def conditional(self, u: Floats) -> tuple[Floats, Floats]:
         """Means (S, P) of the linear unknowns and lower Cholesky factors (S, P, P) of their covariance."""
-        p = self.unknowns
-        table = self._basis(u) @ self.coefficients[..., 1:].reshape(-1, p + p * (p + 1) // 2)
-        factor = np.zeros((len(u), p, p))
-        factor[:, *np.tril_indices(p)] = table[:, p:]
-        return table[:, :p], factor
+        basis, p = self._basis(u), self.mean.shape[-1]
+        return basis @ self.mean.reshape(-1, p), (basis @ self.factor.reshape(-1, p * p)).reshape(-1, p, p)
 
     def draws(self, u: Floats, standard: Floats) -> Floats:
         """Draws (S, P) of the linear unknowns given shapes (S, D), from standard normal ones (S, P)."""
         result = np.empty(standard.shape)
-        few = max(CACHED // self.unknowns**2, 1)
+        few = max(CACHED // standard.shape[1] ** 2, 1)
         for first in range(0, len(u), few):
             some = slice(first, first + few)
             mean, factor = self.conditional(u[some])
-            result[some] = mean + np.einsum("sij,sj->si", factor, standard[some])
+            result[some] = mean + (factor @ standard[some, :, None])[..., 0]
         return result
 
     @property
     def nodes(self) -> int:
         """Along each axis."""
-        return len(self.coefficients) if len(self.low) else 1
+        return len(self.density) if len(self.low) else 1
 
     def _basis(self, u: Floats) -> Floats:
         """Products of Chebyshev polynomials at shapes (S, D): (S, nodes^D)."""
@@ -115,15 +113,14 @@ def _interpolated(optimum: Optimum, box: Floats, nodes: int, evaluate: Evaluate)
     places = _places(nodes)
     axes = 0.5 * (np.multiply.outer(low, 1.0 - places) + np.multiply.outer(high, 1.0 + places))
     solved = solved_on_grid(optimum, axes, evaluate)
-    table = np.concatenate([solved.density[..., None], solved.mean, solved.factor], axis=-1)
-    coefficients = _along_axes(table, np.linalg.inv(chebvander(places, nodes - 1)))
-    return Surrogate(
-        low=low,
-        high=high,
-        coefficients=coefficients,
-        unknowns=optimum.problem.layout.size,
-        error=_error_of_lower(coefficients[..., :1]),
+    to_coefficients, size = np.linalg.inv(chebvander(places, nodes - 1)), solved.mean.shape[-1]
+    density, mean, triangle = (
+        _along_axes(table, to_coefficients) for table in (solved.density[..., None], solved.mean, solved.factor)
     )
+    factor = np.zeros((*mean.shape, size))
+    factor[..., *np.tril_indices(size)] = triangle
+    error = _error_of_lower(density)
+    return Surrogate(low=low, high=high, density=density[..., 0], mean=mean, factor=factor, error=error)
 
 
 def _places(nodes: int) -> Floats:
