@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from toolkit.records import Floats
-from toolkit.reflectance.cosines import Cosines, constant
+from toolkit.reflectance.cosines import constant
 from toolkit.reflectance.lobe import Lobe
 
 from .cells import Cells, ChannelCells
@@ -17,7 +16,6 @@ from .lit import Lit
 from .model import TYPICAL_F0, Fresnel, Model
 
 _Shape = tuple[Floats | float, ...]
-Evaluate = Callable[[Lobe, Cosines, _Shape], Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,44 +53,54 @@ def columns(
     u: Floats,
     *,
     derivatives: bool = False,
-    evaluate: Evaluate | None = None,
 ) -> tuple[Columns, Columns, Columns]:
-    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (S, 4, N).
-
-    `evaluate`, where given, remembers lobes: see `remembering`.
-    """
+    """The columns of all three channels at one shape; `lights` are those of the cells' nodes (S, 4, N)."""
     shape = model.natural(u)
     sharp, soft = model.split(shape)
     if derivatives:
         scales = [1.0] + [number if p.log else 1.0 for number, p in zip(shape, model.parameters, strict=True)]
         parts = [zip(_with_gradients(lit, model, sharp, soft), scales, strict=True) for lit in lights]
     else:
-        parts = [zip([_values(lit, model, sharp, soft, evaluate)], [1.0], strict=True) for lit in lights]
+        parts = [zip([_values(lit, model, sharp, soft)], [1.0], strict=True) for lit in lights]
     blocks = [
         [_terms(lit, fresnel, *lobes, scale) for lobes, scale in mine] for lit, mine in zip(lights, parts, strict=True)
     ]
     return _channels(blocks, [lit.colour for lit in lights], cells, ())
 
 
-def remembering(model: Model, most: int) -> Evaluate:
-    """A lobe at cosines for one shape, with the last `most` answers kept: on a grid of shapes each comes up often."""
-
-    @lru_cache(maxsize=most)
-    def evaluate(lobe: Lobe, cosines: Cosines, shape: _Shape) -> Floats:
-        return lobe.value(cosines, shape, model.variant if lobe is model.specular else None)
-
-    return evaluate
-
-
 def columns_of_many(
     model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats
 ) -> tuple[Columns, Columns, Columns]:
     """The columns of all three channels at several shapes (S, D) at once."""
-    numbers = (np.exp(v) if p.log else v for v, p in zip(u.T, model.parameters, strict=True))
-    shape = tuple(v[:, None, None, None] for v in numbers)
-    sharp, soft = shape[: len(model.specular.parameters)], shape[len(model.specular.parameters) :]
-    blocks = [[_terms(lit, fresnel, *_values(lit, model, sharp, soft))] for lit in lights]
+    sharp, soft = np.split(u, [len(model.specular.parameters)], axis=1)
+    numbers = _of_many(model.specular, sharp), _of_many(model.diffuse, soft)
+    blocks = [[_terms(lit, fresnel, *_values(lit, model, *numbers))] for lit in lights]
     return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
+
+
+def highlights_of_many(
+    model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats
+) -> tuple[Columns, Columns, Columns]:
+    """What of them the specular lobe makes, at several of its shapes (S, D) at once."""
+    shape = _of_many(model.specular, u)
+    blocks = [[_terms(lit, fresnel, None, model.specular.value(lit.cosines, shape, model.variant))] for lit in lights]
+    return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
+
+
+def bodies_of_many(
+    model: Model, fresnel: Fresnel, lights: tuple[Lit, ...], cells: Cells, u: Floats
+) -> tuple[Columns, Columns, Columns]:
+    """What of them the diffuse lobe makes, at several of its shapes (S, D) at once."""
+    shape = _of_many(model.diffuse, u)
+    bodies = [_with_returned(model.diffuse.value(lit.cosines, shape), lit) for lit in lights]
+    blocks = [[_terms(lit, fresnel, body, None)] for lit, body in zip(lights, bodies, strict=True)]
+    return _channels(blocks, [lit.colour for lit in lights], cells, (len(u),))
+
+
+def _of_many(lobe: Lobe, u: Floats) -> _Shape:
+    """A lobe's shape numbers from several of their coordinates (S, D), to be broadcast over nodes."""
+    numbers = (np.exp(v) if p.log else v for v, p in zip(u.T, lobe.parameters, strict=True))
+    return tuple(v[:, None, None, None] for v in numbers)
 
 
 def radiance(
@@ -116,15 +124,10 @@ def radiance(
 _Term = tuple[Floats | None, float]  # a table over the nodes (..., S, 4, N), or None for zeros, and a factor
 
 
-def _values(
-    lit: Lit, model: Model, sharp: _Shape, soft: _Shape, evaluate: Evaluate | None = None
-) -> tuple[Floats, Floats]:
+def _values(lit: Lit, model: Model, sharp: _Shape, soft: _Shape) -> tuple[Floats, Floats]:
     """The two lobes under one light: diffuse, with what comes back from around; specular."""
-    if evaluate:
-        matte, shine = evaluate(model.diffuse, lit.cosines, soft), evaluate(model.specular, lit.cosines, sharp)
-    else:
-        matte, shine = model.diffuse.value(lit.cosines, soft), model.specular.value(lit.cosines, sharp, model.variant)
-    return _with_returned(matte, lit), shine
+    matte = _with_returned(model.diffuse.value(lit.cosines, soft), lit)
+    return matte, model.specular.value(lit.cosines, sharp, model.variant)
 
 
 def _with_returned(matte: Floats, lit: Lit) -> Floats:

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from toolkit.records import Floats, Noise, Scene, scale_of
 
 from .cells import Cells, ChannelCells
-from .columns import Columns, Evaluate, columns
+from .columns import Columns, columns
 from .model import Fresnel, Model, fresnel_of, names_of
 from .normal import Layout, Normal, Prior, Sums, Weighing, combine, lay_out, sums_of, weigh
 from .priors import prior_of
@@ -70,10 +70,10 @@ class Problem:
             extras=_no_extras(views),
         )
 
-    def columns(self, u: Floats, *, derivatives: bool = False, evaluate: Evaluate | None = None) -> Evaluated:
+    def columns(self, u: Floats, *, derivatives: bool = False) -> Evaluated:
         """The model's columns at one shape."""
         found = [
-            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives, evaluate=evaluate)
+            columns(self.model, self.fresnel, view.lights, view.cells, u, derivatives=derivatives)
             for view in self.views
         ]
         return tuple(one for three in found for one in three)

@@ -16,13 +16,13 @@ import numpy as np
 from toolkit.records import Floats
 
 from .cells import ChannelCells
-from .columns import Evaluate, columns
+from .columns import Columns, bodies_of_many, highlights_of_many
 from .normal import Sums, equations
 from .problem import Optimum
 from .solving import scaled_each
 from .weights import Weights
 
-BODY = 1  # the column that is the body lobe's; the others are the highlight's, or no lobe's
+AT_ONCE = 2**20  # numbers in a table of a lobe at several shapes
 MOST_NUMBERS = 2**23  # in the matrices that are worked on at once
 
 
@@ -37,13 +37,13 @@ class Solved:
     factor: Floats
 
 
-def solved_on_grid(optimum: Optimum, axes: Floats, evaluate: Evaluate) -> Solved:
+def solved_on_grid(optimum: Optimum, axes: Floats) -> Solved:
     """The answers at every combination of the values `axes` (D, n) of the shape numbers, (n,) * D of them.
 
-    `evaluate` remembers lobes. Raises LinAlgError where the equations have no one answer.
+    Raises LinAlgError where the equations have no one answer.
     """
     problem = optimum.problem
-    sums = [one for v in range(len(problem.views)) for one in _sums_of(optimum, v, axes, evaluate)]
+    sums = [one for v in range(len(problem.views)) for one in _sums_of(optimum, v, axes)]
     few = max(MOST_NUMBERS // problem.layout.size**2, 1)
     parts = []
     for first in range(0, len(sums[0].data), few):
@@ -70,51 +70,50 @@ def _solved(optimum: Optimum, matrix: Floats, rhs: Floats, squares: Floats) -> S
     )
 
 
-def _sums_of(optimum: Optimum, photograph: int, axes: Floats, evaluate: Evaluate) -> list[Sums]:
+def _sums_of(optimum: Optimum, photograph: int, axes: Floats) -> list[Sums]:
     """Of one photograph's three channels, at all shapes of the grid one after the other (g, ...)."""
     problem, view = optimum.problem, optimum.problem.views[photograph]
     sharp = len(problem.model.specular.parameters)
     glosses, bodies = (np.array(list(product(*part))) for part in (axes[:sharp], axes[sharp:]))
-    last = len(glosses) - 1, len(bodies) - 1
-    shapes = [
-        np.concatenate([glosses[min(i, last[0])], bodies[min(i, last[1])]]) for i in range(max(last) + 1)
-    ]  # every shape of either lobe at least once
-    cols = [columns(problem.model, problem.fresnel, view.lights, view.cells, u, evaluate=evaluate) for u in shapes]
-    sums = []
-    for c, data in enumerate(view.cells.channels):
-        rows, mix, of_all = [one[c].rows for one in cols], cols[0][c].mix[0], 3 * photograph + c
-        body = int(np.flatnonzero(mix[BODY])[0])
-        bodies_of = np.stack([each[body] for each in rows[: len(bodies)]])
-        weights, weighted = optimum.weights.weights[of_all], optimum.weights.weighted[of_all]
-        sums.append(_sums(rows[: len(glosses)], bodies_of, body, data, weights, weighted).mixed(mix))
-    return sums
+    some = np.array_split(glosses, -(-len(glosses) * view.cells.node_x_px.size // AT_ONCE))
+    of_view = problem.model, problem.fresnel, view.lights, view.cells
+    shine, matte = [highlights_of_many(*of_view, part) for part in some], bodies_of_many(*of_view, bodies)
+    own = slice(3 * photograph, 3 * photograph + 3)
+    of_channels = zip(matte, view.cells.channels, optimum.weights.weights[own], problem.extras[own], strict=True)
+    return [_sums(mine, *each) for mine, each in zip(zip(*shine, strict=True), of_channels, strict=True)]
 
 
-def _sums(tables: Sequence[Floats], bodies: Floats, body: int, data: ChannelCells, w: Weights, extra: Floats) -> Sums:
-    """One channel's sums at all m b shapes.
+def _sums(shine: Sequence[Columns], matte: Columns, data: ChannelCells, w: Weights, extras: Floats) -> Sums:
+    """One channel's sums at all m b shapes: of the highlight's m, in parts (..., g + 1, n), and the body's (b, 2, n).
 
-    Of the `tables` (r, n), m of them, all but the row `body` is taken; `bodies` (b, n) are what that is at the body's
-    shapes, `extra` (q, n) are the extra columns times the weights.
+    The last row of either is the pedestal's; `extras` (n, q) are the extra columns.
     """
-    m, b, rows = len(tables), len(bodies), len(tables[0])
-    of_body, value = w.apart(bodies), w.apart(data.value)
-    value_w, others = value * w.each, np.delete(np.arange(rows), body)
-    products, told, across = np.empty((m, b, rows, rows)), np.empty((m, b, rows)), np.empty((m, b, len(extra), rows))
-    products[..., body, body] = np.einsum("bn,n,bn->b", of_body, w.each, of_body)
-    told[..., body], across[..., body] = of_body @ value_w, bodies @ extra.T
-    for i, table in enumerate(tables):
-        gloss = table[others]
-        apart = w.apart(gloss)
-        weighted = apart * w.each
-        products[i][..., others[:, None], others] = weighted @ apart.T
-        products[i][..., body, others] = of_body @ weighted.T
-        told[i][..., others] = apart @ value_w
-        across[i][..., others] = extra @ gloss.T
-    products[..., others, body] = products[..., body, others]
-    return Sums(
-        products=products.reshape(m * b, rows, rows),
-        data=told.reshape(m * b, rows),
-        squares=float(value_w @ value),
-        across=across.reshape(m * b, -1, rows),
-        extra_data=extra @ data.value,
+    bodies = len(matte.rows)
+    still = np.concatenate([matte.rows[:, 0], matte.rows[0, 1:], data.value[None], extras.T])
+    products = np.concatenate([_products(part.rows[:, :-1], still, w) for part in shine])
+    gloss = products.shape[-1] - len(still)
+    pedestal, value, extra = gloss + bodies, gloss + bodies + 1, np.arange(gloss + bodies + 2, products.shape[-1])
+    rows = np.array([[*range(gloss), gloss + body, pedestal] for body in range(bodies)])  # (b, r), with each body
+    sums = Sums(
+        products=np.concatenate(products[:, rows[:, :, None], rows[:, None]]),
+        data=np.concatenate(products[:, rows, value]),
+        squares=float(products[0, value, value]),
+        across=np.concatenate(products[:, extra[:, None], rows[:, None]]),
+        extra_data=products[0, extra, value],
     )
+    return sums.mixed(np.hstack([shine[0].mix[0, :, :-1], matte.mix[0]]))
+
+
+def _products(moving: Floats, still: Floats, w: Weights) -> Floats:
+    """Weighted sums of products (m, g + s, g + s) of g rows with each other and with those that stay (s, n), at each
+    of m shapes (m, g, n).
+    """
+    m, g, _ = moving.shape
+    found = np.zeros((m, g + len(still), g + len(still)))
+    for (here, each), (there, _) in zip(w.parts(moving), w.parts(still), strict=True):
+        weighted = here * each
+        found[:, :g, :g] += np.vecdot(weighted[:, :, None], here[:, None])
+        found[:, :g, g:] += (weighted.reshape(m * g, -1) @ there.T).reshape(m, g, -1)
+        found[:, g:, g:] += (there * each) @ there.T
+    found[:, g:, :g] = found[:, :g, g:].swapaxes(-1, -2)
+    return found

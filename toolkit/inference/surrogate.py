@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .columns import Evaluate, remembering
 from .problem import Optimum
 from .shape_grid import solved_on_grid
 from .solving import inverse, solve
@@ -90,29 +89,27 @@ class Surrogate:
 
 def surrogate_of(optimum: Optimum) -> Surrogate:
     """Interpolate around an optimum; wider than the bounds nowhere, and as fine as the density asks for."""
-    parts = sum(len(view.lights) for view in optimum.problem.views)
-    evaluate = remembering(optimum.problem.model, most=4 * parts)
     (coarsest, *finer), box = NODES[len(optimum.u)], _widest(optimum)
     cut = (box == np.stack(optimum.problem.model.bounds())).any(axis=0)  # by a bound, where a density is least normal
     unsure = (box != optimum.u) & (cut | (len(optimum.u) > SURE))
-    box = _shortened(optimum, box, unsure, evaluate)
-    found = _interpolated(optimum, box, coarsest, evaluate)
+    box = _shortened(optimum, box, unsure)
+    found = _interpolated(optimum, box, coarsest)
     if (far := _fallen(found) > 2 * FALL).any():
-        box = _shortened(optimum, box, far, evaluate)
-        found = _interpolated(optimum, box, coarsest, evaluate)
+        box = _shortened(optimum, box, far)
+        found = _interpolated(optimum, box, coarsest)
     for nodes in finer:
         if found.error <= TOLERANCE:
             break
-        found = _interpolated(optimum, box, nodes, evaluate)
+        found = _interpolated(optimum, box, nodes)
     return found
 
 
-def _interpolated(optimum: Optimum, box: Floats, nodes: int, evaluate: Evaluate) -> Surrogate:
+def _interpolated(optimum: Optimum, box: Floats, nodes: int) -> Surrogate:
     """Through what is told exactly at every combination of Chebyshev's points along the axes of a box (2, D)."""
     low, high = box
     places = _places(nodes)
     axes = 0.5 * (np.multiply.outer(low, 1.0 - places) + np.multiply.outer(high, 1.0 + places))
-    solved = solved_on_grid(optimum, axes, evaluate)
+    solved = solved_on_grid(optimum, axes)
     to_coefficients, size = np.linalg.inv(chebvander(places, nodes - 1)), solved.mean.shape[-1]
     density, mean, triangle = (
         _along_axes(table, to_coefficients) for table in (solved.density[..., None], solved.mean, solved.factor)
@@ -164,7 +161,7 @@ def _fallen(found: Surrogate) -> Floats:
     return np.asarray(density.max() - np.array(sides))
 
 
-def _shortened(optimum: Optimum, box: Floats, sides: NDArray[np.bool_], evaluate: Evaluate) -> Floats:
+def _shortened(optimum: Optimum, box: Floats, sides: NDArray[np.bool_]) -> Floats:
     """A box (2, D) with some of its sides (2, D) brought in to where the density has fallen enough, if it falls faster.
 
     On a side's way the other numbers follow its own as they would were the density normal.
@@ -177,7 +174,7 @@ def _shortened(optimum: Optimum, box: Floats, sides: NDArray[np.bool_], evaluate
         reach = box[side, axis] - optimum.u[axis]
         for _ in range(SHORTENINGS):
             along = reach * covariance[:, axis] / covariance[axis, axis]
-            fallen = top - _exact(optimum, np.clip(optimum.u + along, low, high), evaluate)[0]
+            fallen = top - _exact(optimum, np.clip(optimum.u + along, low, high))[0]
             if fallen <= 2 * FALL:
                 break
             reach *= max((FALL / fallen) ** 0.5, 0.2)
@@ -185,10 +182,10 @@ def _shortened(optimum: Optimum, box: Floats, sides: NDArray[np.bool_], evaluate
     return shorter
 
 
-def _exact(optimum: Optimum, u: Floats, evaluate: Evaluate | None = None) -> tuple[float, Floats, Floats]:
+def _exact(optimum: Optimum, u: Floats) -> tuple[float, Floats, Floats]:
     """Log density of a shape with the linear unknowns integrated out, their mean and precision matrix."""
     problem = optimum.problem
-    normal = problem.assemble(problem.columns(u, evaluate=evaluate), optimum.weights)
+    normal = problem.assemble(problem.columns(u), optimum.weights)
     mean = solve(normal.matrix, normal.rhs)
     _, log_determinant = np.linalg.slogdet(normal.matrix)
     chi2 = normal.squares - float(mean @ normal.rhs)
