@@ -30,17 +30,22 @@ class MovedLight:
     angular_radius_deg: float
     returned: Vector = (0.0, 0.0, 0.0)
 
+    @property
+    def colour(self) -> Vector:
+        """Its irradiance at the sphere's centre; 1 where it is not known."""
+        return self.irradiance or (1.0, 1.0, 1.0)
+
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance at surface points, as every light gives them."""
         if self.nearness == 0.0:
             shape = np.shape(points)
-            return repeated(self.direction, shape), repeated(self.irradiance or (1.0, 1.0, 1.0), shape)
+            return repeated(self.direction, shape), repeated(self.colour, shape)
         towards = self.nearness * np.moveaxis(np.asarray(points), -1, 0)
         for d, component in zip(self.direction, towards, strict=True):
             np.subtract(d, component, out=component)
         square = towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2]
         towards /= np.sqrt(square)
-        irradiance = np.multiply.outer(self.irradiance or (1.0, 1.0, 1.0), 1.0 / square)
+        irradiance = np.multiply.outer(self.colour, 1.0 / square)
         return np.moveaxis(towards, 0, -1), np.moveaxis(irradiance, 0, -1)
 
 

@@ -2,23 +2,25 @@
 
 Every lobe is a function of three cosines, n.l, n.v and l.v. A shift touches nothing else but the light's irradiance,
 how far a blur spreads the nodes and, for a lobe that holds it, the size of the light's disc. So the lobes are
-differentiated by their cosines once for all shifts, and every shift tells how it moves these.
+differentiated by their cosines once for all shifts, by the chain rule in normal, view and light, and every shift tells
+how it moves these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, Scene
-from toolkit.reflectance.cosines import Cosines, dot, dots, once, parts_of
+from toolkit.reflectance.cosines import Cosines, dot, once, parts_of
 
 from .columns import radiance
 from .descend import Projection
-from .lit import Lit, colour_of, lights_of, returned_on
+from .lit import Lit, lights_of, returned_on
 from .moved_light import MovedLight, moved
 from .nuisances import Shifts, shifted
 from .problem import Optimum
@@ -27,7 +29,7 @@ from .views import View
 RELATIVE_STEP = 1e-3  # of a shift's prior sd: far above rounding, far below curvature
 COSINE_STEP = 1e-8  # far above rounding, far below the square of the sharpest lobe's width
 
-Parts = tuple[Floats, Floats, Floats]
+Parts = Sequence[Floats]  # three components
 
 
 def sensitivity(
@@ -56,16 +58,21 @@ def sensitivity(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Slopes:
-    """One light's geometry at the nodes of all places (S, 4, N), or once where it is the same everywhere; and the
-    radiance that comes of it in each channel at its own nodes (3, 4, N), with its slopes there.
+    """The radiance that comes of one light in each channel at its own nodes (3, 4, N), and its slopes there; those by
+    a vector are three components.
+
+    The light shines along w = d - nearness n, from its direction l = w / |w|, which has the cosines, and with an
+    irradiance that falls as the square of |w|.
     """
 
     light: MovedLight
-    towards: Parts  # to the light
-    distance: Floats  # of it, over that from the sphere's centre
-    cosines: Parts  # n.l, n.v and l.v, not clipped
+    towards: Parts  # l
+    distance: Floats  # |w|, over that from the sphere's centre
     value: Floats
-    by_cosine: Parts  # by n.l, n.v and l.v
+    by_w: Parts
+    by_normal: Parts  # by way of w, too
+    by_n_v: Floats
+    by_l_v: Floats
     by_size: Floats | None  # by the angular radius of the light's disc, where the lobe holds it
     returned: Floats  # what a matte body of albedo 1 shows of what comes back from around
     body: Floats  # (3, 1, 1), the body's colour times the light's, by which that is multiplied
@@ -85,21 +92,28 @@ def _slopes(optimum: Optimum | Projection, view: View, light: Light, lit: Lit, p
         return there
 
     here, seen = value(lit.cosines), view.seen
-    towards, _ = light.at(seen.normal)
     less_lit, less_seen, nearer = lit.cosines.stepped(COSINE_STEP)
-    by_size = None
+    by_n_l, by_n_v = slope(less_lit, -COSINE_STEP), slope(less_seen, -COSINE_STEP)
+    by_l_v, by_size = slope(nearer, COSINE_STEP), None
     if problem.model.specular.sees_source and radius > 0.0:
         step = RELATIVE_STEP * radius
         by_size = slope(replace(lit.cosines, source_radius_rad=radius + step), step)
+    normal, eye, towards = (_own(view, vectors) for vectors in (seen.normal, seen.view, light.at(seen.normal)[0]))
+    now, distance = moved(light), 1.0 / np.sqrt(_own_places(view, once(lit.falloff)))
+    inwards = by_n_l * dot(normal, towards) + by_l_v * dot(eye, towards) + 2.0 * here  # w turns l across itself alone
+    by_w = [(by_n_l * n + by_l_v * v - inwards * to) / distance for n, v, to in zip(normal, eye, towards, strict=True)]
+    by_normal = [by_n_l * to + by_n_v * v - now.nearness * w for to, v, w in zip(towards, eye, by_w, strict=True)]
     return _Slopes(
-        light=moved(light),
-        towards=parts_of(towards),
-        distance=1.0 / np.sqrt(once(lit.falloff)),
-        cosines=dots(seen.normal, towards, seen.view),
+        light=now,
+        towards=towards,
+        distance=distance,
         value=here,
-        by_cosine=(slope(less_lit, -COSINE_STEP), slope(less_seen, -COSINE_STEP), slope(nearer, COSINE_STEP)),
+        by_w=by_w,
+        by_normal=by_normal,
+        by_n_v=by_n_v,
+        by_l_v=by_l_v,
         by_size=by_size,
-        returned=_returned(light, seen),
+        returned=_returned(light, view, seen),
         body=np.array([own[0] * colour for own, colour in zip(linear, lit.colour, strict=True)])[:, None, None],
     )
 
@@ -128,52 +142,41 @@ def _place(scene: Scene) -> tuple[tuple[float, float], float]:
 
 def _add(nodes: Floats, before: _Slopes, light: MovedLight, view: View, there: Surface | None) -> None:
     """Add to the channels' changes at their nodes what comes of one light that has moved, or whose surface has."""
-    places = [data.place for data in view.cells.channels]
-
-    def own(values: Floats) -> Floats:
-        return values if len(values) == 1 or places == list(range(len(values))) else values[places]
-
-    *moves, nearer = (own(change) for change in _moves(before, light, view.seen, there))
-    for by, move in zip(before.by_cosine, moves, strict=True):
-        if move.any():
-            nodes += by * move
-    brighter = nearer + (colour_of(light) / colour_of(before.light) - 1.0)[:, None, None]
+    normal, eye = _own(view, view.seen.normal), _own(view, view.seen.view)
+    turned = _less(light.direction, before.light.direction)
+    if any(turned):
+        nodes += dot(before.by_w, turned)
+    if nearer := light.nearness - before.light.nearness:
+        nodes -= nearer * dot(before.by_w, normal)
+    if there is not None:
+        nodes += dot(before.by_normal, _less(_own(view, there.normal), normal))
+        aside = _less(_own(view, there.view), eye)
+        if any(part.any() for part in aside):
+            nodes += before.by_n_v * dot(normal, aside) + before.by_l_v * dot(before.towards, aside)
+    brighter = np.divide(light.colour, before.light.colour) - 1.0
     if brighter.any():
-        nodes += before.value * brighter
-    more = _returned(light, view.seen if there is None else there) - before.returned
+        nodes += before.value * brighter[:, None, None]
+    more = _returned(light, view, view.seen if there is None else there) - before.returned
     if more.any():
-        nodes += before.body * own(more / before.distance**2)
+        nodes += before.body * more / before.distance**2
     if before.by_size is not None:
         nodes += before.by_size * np.radians(light.angular_radius_deg - before.light.angular_radius_deg)
 
 
-def _returned(light: Light, seen: Surface) -> Floats:
+def _returned(light: Light, view: View, seen: Surface) -> Floats:
     back = returned_on(light, seen)
-    return np.zeros((1, 1, 1)) if back is None else back
+    return np.zeros((1, 1, 1)) if back is None else _own_places(view, back)
 
 
-def _moves(before: _Slopes, light: MovedLight, seen: Surface, there: Surface | None) -> list[Floats]:
-    """Changes of n.l, n.v and l.v, and of the irradiance by the light's distance as a share of it.
+def _own(view: View, vectors: Floats) -> Parts:
+    """The components of vectors (S, 4, N, 3) at each channel's own nodes (3, 4, N), or once where all are the same."""
+    return [_own_places(view, part) for part in parts_of(vectors)]
 
-    l is the direction of w = d - nearness n, of the length `distance`, and turns by what dw has across it.
-    """
-    (n_l, n_v, l_v), towards = before.cosines, before.towards
-    normal, eye = parts_of(seen.normal), parts_of(seen.view)
-    nearer = light.nearness - before.light.nearness
-    by_l, by_n, by_v = -nearer * n_l, np.full((1, 1, 1), -nearer), -nearer * n_v  # of dw with l, n and v
-    step = [a - b for a, b in zip(light.direction, before.light.direction, strict=True)]
-    if any(step):
-        by_l, by_n, by_v = by_l + dot(towards, step), by_n + dot(normal, step), by_v + dot(eye, step)
-    lit: Floats
-    viewed: Floats
-    across: Floats
-    lit, viewed, across = np.zeros((3, 1, 1, 1))
-    if there is not None:
-        turned = [a - b for a, b in zip(parts_of(there.normal), normal, strict=True)]
-        aside = [a - b for a, b in zip(parts_of(there.view), eye, strict=True)]
-        lit, viewed = dot(turned, towards), dot(turned, eye)
-        by_l, by_v = by_l - before.light.nearness * lit, by_v - before.light.nearness * viewed
-        if any(part.any() for part in aside):
-            viewed, across = viewed + dot(normal, aside), dot(towards, aside)
-    far = 1.0 / before.distance
-    return [lit + far * (by_n - by_l * n_l), viewed, across + far * (by_v - by_l * l_v), -2.0 * far * by_l]
+
+def _own_places(view: View, values: Floats) -> Floats:
+    places = [data.place for data in view.cells.channels]
+    return values if len(values) == 1 or places == list(range(len(values))) else values[places]
+
+
+def _less(after: Sequence[Any], before: Sequence[Any]) -> list[Any]:
+    return [a - b for a, b in zip(after, before, strict=True)]
