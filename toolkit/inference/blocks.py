@@ -67,14 +67,13 @@ def by_block(optimum: Optimum, *blocks: NDArray[np.intp]) -> Blocks:
         index, slopes = optimum.slopes(c)
         place = np.searchsorted(own[photograph], index)
         rows = w.apart(np.concatenate([slopes, data.value[None] - optimum.predicted[c]])).take(order, axis=1)
-        each = w.each[order]
-        weighted, logs = rows * each, np.log(each / (2 * np.pi))
-        for b, (start, end) in enumerate(pairwise(edges)):
-            mine, whole = slice(start, end), COUNT * photograph + b
-            sums = weighted[:, mine] @ rows[:, mine].T  # of the slopes, and of what is left, with each other
-            information[photograph][b][place[:, None], place] += sums[:-1, :-1]
-            score[whole, index] += sums[:-1, -1]
-            density[whole] += 0.5 * (logs[mine].sum() - sums[-1, -1])
+        weighted = rows * w.each[order]
+        sums = np.array([weighted[:, a:b] @ rows[:, a:b].T for a, b in pairwise(edges)])  # the last: of what is left
+        mine = slice(COUNT * photograph, COUNT * (photograph + 1))
+        information[photograph][:, place[:, None], place] += sums[:, :-1, :-1]
+        score[mine, index] += sums[:, :-1, -1]
+        logs = np.bincount(there, np.log(w.each[counted] / (2 * np.pi)), COUNT)
+        density[mine] += 0.5 * (logs - sums[:, -1, -1])
     return Blocks(own=own, information=information, score=score, density=density)
 
 
