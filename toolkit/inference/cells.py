@@ -65,7 +65,7 @@ class ChannelCells:
         n = self.cells
         here = here if n == here.shape[-1] else here[..., self.rows[:n]]
         if not self.slopes:
-            return np.asarray(here.mean(axis=-2))
+            return np.asarray(np.add.reduce(here, axis=-2) / here.shape[-2])  # a mean, in a third of the time if short
         result = np.empty((*here.shape[:-2], len(self.rows)))
         above, below = here[..., 0, :] + here[..., 1, :], here[..., 2, :] + here[..., 3, :]
         np.add(above, below, out=result[..., :n])
