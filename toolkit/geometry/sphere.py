@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +38,15 @@ class Surface:
         return Surface(normal=self.normal[index], view=self.view[index], offset2=self.offset2[index])
 
 
-def surface(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> Surface:
-    """The surface points seen at pixel coordinates (N,), in float64."""
+def surface(
+    camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats, *, dtype: type[np.floating[Any]] = np.float64
+) -> Surface:
+    """The surface points seen at pixel coordinates, arrays that broadcast; worked out in float64, told in `dtype`."""
     x, y = np.asarray(x_px, float), np.asarray(y_px, float)
     if camera.projection == "orthographic":
-        return _orthographic(sphere, x, y)
-    return _perspective(camera, sphere, x, y)
+        return _orthographic(sphere, x, y, dtype)
+    seen = _perspective(camera, sphere, *np.broadcast_arrays(x, y))
+    return seen if dtype is np.float64 else replace(seen, normal=_in(dtype, seen.normal), view=_in(dtype, seen.view))
 
 
 def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDArray[np.bool_]:
@@ -54,18 +58,17 @@ def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDA
     return np.asarray(across**2 < 1.0 - down**2)  # truth values at once: their sum would be a picture of its own
 
 
-def _orthographic(sphere: Sphere, x: Floats, y: Floats) -> Surface:
-    normal = np.empty((3, *x.shape))  # each component together in memory: what follows takes them apart
-    normal[0] = (x - sphere.centre_px[0]) / sphere.radius_px
-    normal[1] = (sphere.centre_px[1] - y) / sphere.radius_px
-    offset2 = normal[0] * normal[0] + normal[1] * normal[1]
-    height2 = 1.0 - offset2
-    if height2.min(initial=1.0) <= 0.0:
+def _orthographic(sphere: Sphere, x: Floats, y: Floats, dtype: type[np.floating[Any]]) -> Surface:
+    right, up = (x - sphere.centre_px[0]) / sphere.radius_px, (sphere.centre_px[1] - y) / sphere.radius_px
+    offset2 = right * right + up * up
+    normal = np.empty((3, *offset2.shape), dtype)  # each component together in memory: what follows takes them apart
+    normal[0], normal[1], normal[2] = right, up, 1.0 - offset2
+    if normal[2].min(initial=1.0) <= 0.0:
         normal[:2] /= np.sqrt(np.maximum(offset2, 1.0))
-        np.maximum(height2, 0.0, out=height2)
-    np.sqrt(height2, out=normal[2])
+        np.maximum(normal[2], 0.0, out=normal[2])
+    np.sqrt(normal[2], out=normal[2])
     vectors = np.moveaxis(normal, 0, -1)
-    return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape), offset2=offset2)
+    return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape, dtype), offset2=offset2)
 
 
 def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surface:
@@ -76,6 +79,11 @@ def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surfac
     points = (along - np.sqrt(np.maximum(1.0 - offset2, 0.0)))[..., None] * rays - centre
     normal = points / np.linalg.norm(points, axis=-1, keepdims=True)
     return Surface(normal=normal, view=-rays, offset2=offset2)
+
+
+def _in(dtype: type[np.floating[Any]], vectors: Floats) -> Floats:
+    """Vectors (..., 3) as another kind of number, each component together in memory."""
+    return np.moveaxis(np.moveaxis(vectors, -1, 0).astype(dtype, order="C"), 0, -1)
 
 
 def _rays(camera: Camera, x: Floats, y: Floats) -> Floats:

@@ -81,7 +81,7 @@ def _lit(light: Light, seen: Surface) -> Lit:
     return Lit(
         cosines=cosines,
         colour=colour,
-        falloff=per_place(irradiance[..., 0], lambda e: e / colour[0]),
+        falloff=per_place(irradiance[..., 0], lambda e: e / float(colour[0])),
         schlick=_schlick(cosines),
         returned=returned_on(light, seen),
     )
@@ -90,7 +90,7 @@ def _lit(light: Light, seen: Surface) -> Lit:
 def returned_on(light: Light, seen: Surface) -> Floats | None:
     """What a matte body of albedo 1 shows (...) of what comes back of a light from around; None: nothing does."""
     back = returned_of(light)
-    return np.asarray(seen.normal @ np.array(back) / np.pi) if any(back) else None
+    return np.asarray(seen.normal @ np.array(back, seen.normal.dtype) / np.pi) if any(back) else None
 
 
 def _schlick(cosines: Cosines) -> Floats:

@@ -38,14 +38,15 @@ class MovedLight:
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance at surface points, as every light gives them."""
         if self.nearness == 0.0:
-            shape = np.shape(points)
-            return repeated(self.direction, shape), repeated(self.colour, shape)
-        towards = self.nearness * np.moveaxis(np.asarray(points), -1, 0)
+            shape, dtype = points.shape, points.dtype
+            return repeated(self.direction, shape, dtype), repeated(self.colour, shape, dtype)
+        towards = self.nearness * np.moveaxis(points, -1, 0)
         for d, component in zip(self.direction, towards, strict=True):
             np.subtract(d, component, out=component)
         square = towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2]
         towards /= np.sqrt(square)
-        irradiance = np.multiply.outer(self.colour, 1.0 / square)
+        colour = np.asarray(self.colour, points.dtype)
+        irradiance = np.multiply.outer(colour, 1.0 / square)
         return np.moveaxis(towards, 0, -1), np.moveaxis(irradiance, 0, -1)
 
 

@@ -17,6 +17,7 @@ Blinn-Phong normalization factors").
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
@@ -28,24 +29,25 @@ def evaluate(cosines: Cosines, shininess: Number, *, normalisation: str = "lectu
     """(n.h)^n, 0 behind either horizon."""
     value = np.exp(_log_cosine(cosines) * shininess) * _lit(cosines)
     if normalisation == "energy":
-        value *= _normaliser(np.asarray(shininess, float))[0] * cosines.n_dot_l
+        value *= _normaliser(np.asarray(shininess))[0] * cosines.n_dot_l
     return np.asarray(value)
 
 
 def gradient(cosines: Cosines, shininess: Number, *, normalisation: str = "lecture") -> tuple[Floats, ...]:
     """The value, and its derivative by shininess: the lobe times log(n.h), and the normaliser's own growth."""
-    growth = _normaliser(np.asarray(shininess, float))[1] if normalisation == "energy" else 0.0
+    growth = _normaliser(np.asarray(shininess))[1] if normalisation == "energy" else 0.0
     value = evaluate(cosines, shininess, normalisation=normalisation)
     return value, value * (_log_cosine(cosines) + growth)
 
 
 def _log_cosine(cosines: Cosines) -> Floats:
     """log(n.h), accurate where it is near 0."""
-    return np.asarray(0.5 * np.log1p(-np.minimum(cosines.sin2_h, 1.0 - 1e-16)))
+    below_one = 1.0 - float(np.finfo(cosines.sin2_h.dtype).epsneg)
+    return np.asarray(0.5 * np.log1p(-np.minimum(cosines.sin2_h, below_one)))
 
 
-def _lit(cosines: Cosines) -> Floats:
-    return np.asarray((cosines.n_dot_v > 0.0) & (cosines.n_dot_l > 0.0), float)
+def _lit(cosines: Cosines) -> NDArray[np.bool_]:
+    return np.asarray((cosines.n_dot_v > 0.0) & (cosines.n_dot_l > 0.0))
 
 
 def _normaliser(n: Floats) -> tuple[Floats, Floats]:

@@ -46,5 +46,5 @@ def _cut(array: float | Floats, axis: int, part: slice) -> float | Floats:
 def _room(part: Floats, axis: int, length: int) -> Floats:
     """An array to be filled with parts like this."""
     if part.ndim < -axis or part.shape[axis] == 1:
-        return np.empty(part.shape)
-    return np.empty((*part.shape[: part.ndim + axis], length, *part.shape[part.ndim + axis + 1 :]))
+        return np.empty(part.shape, part.dtype)
+    return np.empty((*part.shape[: part.ndim + axis], length, *part.shape[part.ndim + axis + 1 :]), part.dtype)

@@ -12,12 +12,14 @@ from toolkit.records import Floats
 
 from .blockwise import Piece, blockwise
 
+TINY = 1e-30  # keeps a quotient finite, in single precision as well
+
 Number = float | Floats  # a shape number: one, or an array that broadcasts against the cosines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosines between normal n, light l, view v, half vector h and mirrored light r; arrays of one shape, float64.
+    """Cosines between normal n, light l, view v, half vector h and mirrored light r; arrays of one shape and precision.
 
     `n_dot_l` and `n_dot_v` are clipped at 0. `sin2_h` is sin^2 of the normal-half angle, accurate near 0.
     """

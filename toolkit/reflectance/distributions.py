@@ -5,18 +5,25 @@ Every density takes the cosines and its width, and has its derivative in that wi
 
 from __future__ import annotations
 
+from math import pi, sqrt
+
 import numpy as np
 
 from toolkit.records import Floats
 
 from .cosines import Cosines, Number
 
-_TINY = 1e-30  # keeps tan^2 finite where the half vector lies in the surface
+_LEAST_COS2 = 1e-18  # keeps tan^4 finite, in single precision as well, where the half vector lies in the surface
+
+_SQRT2, _SQRT_PI = sqrt(2.0), sqrt(pi)
 
 
 def decay(exponent: Floats) -> Floats:
-    """exp(-exponent), no smaller than 1e-260: processors are slow with numbers at the end of their range."""
-    return np.asarray(np.exp(-np.minimum(exponent, 600.0)))
+    """exp(-exponent), no smaller than 1e-260, in single precision 1e-35.
+
+    Processors are slow with numbers at the end of their range.
+    """
+    return np.asarray(np.exp(-np.minimum(exponent, 80.0 if exponent.dtype == np.float32 else 600.0)))
 
 
 def theta2_h(cosines: Cosines) -> Floats:
@@ -48,10 +55,10 @@ def _gaussian_integral(sigma: Number) -> tuple[Floats, Floats]:
     """
     from scipy.special import dawsn, wofz
 
-    width = np.asarray(sigma, float)
-    x = np.sqrt(2.0) * width
+    width = np.asarray(sigma)
+    x = _SQRT2 * width
     edge = np.exp(-np.square(np.pi / (2.0 * x)))
-    beyond = 0.5 * np.sqrt(np.pi) * edge * np.imag(wofz(x + 0.5j * np.pi / x))
+    beyond = 0.5 * _SQRT_PI * edge * np.imag(wofz(x + 0.5j * np.pi / x))
     integral = x * (dawsn(x) + beyond)
     slope = integral / width - 4.0 * width * integral + 2.0 * width * (1.0 + edge)
     return np.pi * integral, np.pi * slope
@@ -72,7 +79,7 @@ def beckmann_derivative(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats
 
 
 def _beckmann_and_tan2(cosines: Cosines, alpha: Number) -> tuple[Floats, Floats]:
-    a2, sec2 = np.square(alpha), 1.0 / np.maximum(np.square(cosines.n_dot_h), _TINY)
+    a2, sec2 = np.square(alpha), 1.0 / np.maximum(np.square(cosines.n_dot_h), _LEAST_COS2)
     tan2 = cosines.sin2_h * sec2
     return decay(tan2 * (1.0 / a2)) * np.square(sec2) * (1.0 / (np.pi * a2)), tan2
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .cosines import Number
+from .cosines import TINY, Number
 
 FRESNEL = "schlick", "dielectric"  # by which a lobe's F0 can become its F at theta_d
 TANGENT_F0 = 1e-4, 0.9  # between which a tangent in F0 is taken
@@ -58,7 +58,7 @@ def dielectric_slope(cosine: Floats, index: Number) -> Floats:
 
 def _inside(c: Floats, index: Number) -> Floats:
     """The index times the refracted ray's cosine; kept off 0 for index 1 at grazing."""
-    return np.asarray(np.sqrt(np.maximum(np.square(index) - 1.0 + np.square(c), 1e-300)))
+    return np.asarray(np.sqrt(np.maximum(np.square(index) - 1.0 + np.square(c), TINY)))
 
 
 def _along(c: Floats, g: Floats, index: Number) -> Floats:
@@ -106,4 +106,4 @@ def conductor(cosine: Floats, n: Number, k: Number) -> Floats:
 
 
 def _ratio(total: Floats, cross: Floats) -> Floats:
-    return np.asarray((total - cross) / np.maximum(total + cross, 1e-300))
+    return np.asarray((total - cross) / np.maximum(total + cross, TINY))

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from toolkit.records import Floats
 
-from .cosines import Cosines, Number
-
-_TINY = 1e-30
+from .cosines import TINY, Cosines, Number
 
 
 def v_groove(cosines: Cosines) -> Floats:
@@ -25,7 +23,7 @@ def v_groove(cosines: Cosines) -> Floats:
 
     Torrance & Sparrow 1967; Blinn 1977.
     """
-    facing = 2.0 * cosines.n_dot_h / np.maximum(cosines.l_dot_h, _TINY)
+    facing = 2.0 * cosines.n_dot_h / np.maximum(cosines.l_dot_h, TINY)
     return np.asarray(np.minimum(facing * np.minimum(cosines.n_dot_l, cosines.n_dot_v), 1.0))
 
 
@@ -60,7 +58,7 @@ class _Places:
 
     def filled(self, values: Floats, elsewhere: float) -> Floats:
         """The whole array, of values there and one number everywhere else."""
-        found = np.full(self.shape, elsewhere)
+        found = np.full(self.shape, elsewhere, values.dtype)
         found.reshape(-1)[self.flat] = values
         return found
 
@@ -75,7 +73,7 @@ def _where_facets_hide(cosine: Floats, alpha: Number) -> tuple[_Places, Floats, 
 
 
 def _cotangent(cosine: Floats) -> Floats:
-    return np.asarray(cosine / np.sqrt(np.maximum(1.0 - np.square(cosine), _TINY)))
+    return np.asarray(cosine / np.sqrt(np.maximum(1.0 - np.square(cosine), TINY)))
 
 
 def ggx_one_sided(cosine: Floats, alpha: Number) -> Floats:
@@ -90,7 +88,7 @@ def ggx_denominator(cosine: Floats, alpha: Number) -> Floats:
 
 def ggx_one_sided_gradient(cosine: Floats, alpha: Number) -> tuple[Floats, ...]:
     """Smith's exact G1 of GGX, and its derivative in `alpha`."""
-    root = np.maximum(_ggx_root(cosine, alpha), _TINY)
+    root = np.maximum(_ggx_root(cosine, alpha), TINY)
     both = cosine + root
     return 2.0 * cosine / both, -2.0 * cosine * alpha * (1.0 - np.square(cosine)) / (np.square(both) * root)
 
@@ -139,4 +137,4 @@ def masking_derivatives(
 
 def _either(light: Floats, view: Floats) -> Floats:
     """The denominator of 1 / (1/light + 1/view - 1)."""
-    return np.asarray(np.maximum(light + view - light * view, _TINY))
+    return np.asarray(np.maximum(light + view - light * view, TINY))

@@ -6,7 +6,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .cosines import Cosines
+from .cosines import TINY, Cosines
 
 MASKING = "smith", "smith-correlated", "v-groove"
 
@@ -16,4 +16,4 @@ def microfacet(cosines: Cosines, seen_density: Floats) -> Floats:
 
     0 where n.l or n.v is 0, since G is.
     """
-    return np.asarray(seen_density / (4.0 * np.maximum(cosines.n_dot_v, 1e-300)))
+    return np.asarray(seen_density / (4.0 * np.maximum(cosines.n_dot_v, TINY)))

@@ -25,7 +25,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .cosines import Cosines, Number
+from .cosines import TINY, Cosines, Number
 from .lobe import Claim, Lobe, Parameter, register
 
 _NONE = "none"
@@ -71,7 +71,7 @@ def _combine(cosines: Cosines, constants: list[Floats], form: str, interreflecti
 
 def _projected(cosines: Cosines) -> Floats:
     """cos(dphi) sin(a) tan(b), with a the larger of the two angles."""
-    steep = np.maximum(np.maximum(cosines.n_dot_l, cosines.n_dot_v), 1e-300)
+    steep = np.maximum(np.maximum(cosines.n_dot_l, cosines.n_dot_v), TINY)
     return np.asarray(_across(cosines) / steep)
 
 
@@ -96,9 +96,9 @@ class _Angles:
         return cls(
             larger=np.arccos(low),
             smaller=np.arccos(high),
-            cos_phi=np.clip(_across(cosines) / np.maximum(sin_l * sin_v, 1e-30), -1.0, 1.0),
-            tan_smaller=np.minimum(sin_l, sin_v) / np.maximum(high, 1e-300),
-            tan_mean=(sin_l + sin_v) / np.maximum(light + view, 1e-300),
+            cos_phi=np.clip(_across(cosines) / np.maximum(sin_l * sin_v, TINY), -1.0, 1.0),
+            tan_smaller=np.minimum(sin_l, sin_v) / np.maximum(high, TINY),
+            tan_mean=(sin_l + sin_v) / np.maximum(light + view, TINY),
         )
 
     def full(self) -> Floats:

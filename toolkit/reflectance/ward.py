@@ -17,7 +17,7 @@ import numpy as np
 
 from toolkit.records import Floats
 
-from .cosines import Cosines, Number
+from .cosines import TINY, Cosines, Number
 from .distributions import decay
 from .lobe import Claim, Lobe, Parameter, register
 
@@ -36,7 +36,7 @@ def gradient(cosines: Cosines, alpha: Number, *, normalisation: str = "ward") ->
 
 
 def _tan2(cosines: Cosines) -> Floats:
-    return np.asarray(cosines.sin2_h / np.maximum(np.square(cosines.n_dot_h), 1e-30))
+    return np.asarray(cosines.sin2_h / np.maximum(np.square(cosines.n_dot_h), TINY))
 
 
 def _spread(cosines: Cosines, normalisation: str) -> Floats:
@@ -44,11 +44,11 @@ def _spread(cosines: Cosines, normalisation: str) -> Floats:
     light, view = cosines.n_dot_l, cosines.n_dot_v
     lit = (light > 0.0) & (view > 0.0)
     if normalisation == "ward":
-        return np.asarray(np.sqrt(light / np.maximum(view, 1e-300)) * lit)
+        return np.asarray(np.sqrt(light / np.maximum(view, TINY)) * lit)
     if normalisation == "duer":
-        return np.asarray(lit / np.maximum(view, 1e-300))
+        return np.asarray(lit / np.maximum(view, TINY))
     both = np.square(np.square(np.where(lit, light + view, 1.0)))
-    return np.asarray(8.0 * (1.0 + cosines.l_dot_v) * light * lit / np.maximum(both, 1e-300))
+    return np.asarray(8.0 * (1.0 + cosines.l_dot_v) * light * lit / np.maximum(both, TINY))
 
 
 register(

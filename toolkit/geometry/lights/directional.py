@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-
 from toolkit.geometry.repeated import repeated
 from toolkit.records import Floats
 
@@ -30,5 +28,5 @@ class DirectionalLight(LightModel):
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions and irradiance, the same at every point."""
-        shape = np.shape(points)
-        return repeated(self.direction, shape), repeated(self.irradiance or (1.0, 1.0, 1.0), shape)
+        shape, dtype = points.shape, points.dtype
+        return repeated(self.direction, shape, dtype), repeated(self.irradiance or (1.0, 1.0, 1.0), shape, dtype)

@@ -35,7 +35,7 @@ class PointLight(LightModel):
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Directions from each point, and irradiance that falls off with the squared distance."""
-        towards = np.asarray(self.position) - points
+        towards = np.asarray(self.position, points.dtype) - points
         distance2 = np.einsum("...i,...i->...", towards, towards)[..., None]
-        falloff = np.dot(self.position, self.position) / distance2
-        return towards / np.sqrt(distance2), falloff * np.asarray(self.irradiance or (1.0, 1.0, 1.0))
+        falloff = float(np.dot(self.position, self.position)) / distance2
+        return towards / np.sqrt(distance2), falloff * np.asarray(self.irradiance or (1.0, 1.0, 1.0), points.dtype)
