@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,15 +45,13 @@ def surface(
     x, y = np.asarray(x_px, float), np.asarray(y_px, float)
     if camera.projection == "orthographic":
         return _orthographic(sphere, x, y, dtype)
-    seen = _perspective(camera, sphere, *np.broadcast_arrays(x, y))
-    return seen if dtype is np.float64 else replace(seen, normal=_in(dtype, seen.normal), view=_in(dtype, seen.view))
+    return _perspective(camera, sphere, x, y, dtype)
 
 
 def on_sphere(camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats) -> NDArray[np.bool_]:
     """Which pixel coordinates, arrays that broadcast, see the sphere: what `surface` says, without the vectors."""
     if camera.projection == "perspective":
-        x, y = np.broadcast_arrays(x_px, y_px)
-        return surface(camera, sphere, x, y).on_sphere
+        return np.asarray(_sight(camera, sphere, x_px, y_px)[-1] < 1.0)
     across, down = (x_px - sphere.centre_px[0]) / sphere.radius_px, (y_px - sphere.centre_px[1]) / sphere.radius_px
     return np.asarray(across**2 < 1.0 - down**2)  # truth values at once: their sum would be a picture of its own
 
@@ -71,33 +69,50 @@ def _orthographic(sphere: Sphere, x: Floats, y: Floats, dtype: type[np.floating[
     return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape, dtype), offset2=offset2)
 
 
-def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> Surface:
-    rays = _rays(camera, x, y)
-    centre = centre_position(camera, sphere)
-    along = rays @ centre
-    offset2 = centre @ centre - along * along
-    points = (along - np.sqrt(np.maximum(1.0 - offset2, 0.0)))[..., None] * rays - centre
-    normal = points / np.linalg.norm(points, axis=-1, keepdims=True)
-    return Surface(normal=normal, view=-rays, offset2=offset2)
+def _perspective(camera: Camera, sphere: Sphere, x: Floats, y: Floats, dtype: type[np.floating[Any]]) -> Surface:
+    rays, along, offset2 = _sight(camera, sphere, x, y)
+    along = along - np.sqrt(np.maximum(1.0 - offset2, 0.0))
+    points = [along * ray - c for ray, c in zip(rays, centre_position(camera, sphere), strict=True)]
+    length = _length(points)
+    return Surface(
+        normal=_vectors([part / length for part in points], dtype),
+        view=_vectors([-ray for ray in rays], dtype),
+        offset2=offset2,
+    )
 
 
-def _in(dtype: type[np.floating[Any]], vectors: Floats) -> Floats:
-    """Vectors (..., 3) as another kind of number, each component together in memory."""
-    return np.moveaxis(np.moveaxis(vectors, -1, 0).astype(dtype, order="C"), 0, -1)
+def _sight(camera: Camera, sphere: Sphere, x: Floats, y: Floats) -> tuple[list[Floats], Floats, Floats]:
+    """Components of unit vectors from the camera, how far along them the sphere's centre lies, and `offset2`."""
+    rays, centre = _rays(camera, x, y), centre_position(camera, sphere)
+    along = np.stack(rays, axis=-1) @ centre
+    return rays, along, centre @ centre - along * along
 
 
-def _rays(camera: Camera, x: Floats, y: Floats) -> Floats:
+def _vectors(parts: list[Floats], dtype: type[np.floating[Any]]) -> Floats:
+    """Vectors (..., 3) of their components.
+
+    A picture's keep each component together in memory; a fit's lie one by one, by which its products of matrices round.
+    """
+    return np.stack(parts, axis=-1) if dtype is np.float64 else np.moveaxis(np.array(parts, dtype), 0, -1)
+
+
+def _length(parts: list[Floats]) -> Floats:
+    return np.asarray(np.sqrt(parts[0] * parts[0] + parts[1] * parts[1] + parts[2] * parts[2]))
+
+
+def _rays(camera: Camera, x: Floats, y: Floats) -> list[Floats]:
     if camera.focal_length_px is None or camera.principal_point_px is None:
         raise ValueError("a perspective camera needs focal_length_px and principal_point_px")
     px, py = camera.principal_point_px
     f = camera.focal_length_px
-    rays = np.stack([(x - px) / f, -(y - py) / f, np.full_like(x, -1.0)], axis=-1)
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    rays = [(x - px) / f, -(y - py) / f, np.array(-1.0)]
+    length = _length(rays)
+    return [ray / length for ray in rays]
 
 
 def centre_position(camera: Camera, sphere: Sphere) -> Floats:
     """The sphere's centre (3,) in sphere radii from the camera, camera frame; perspective only."""
-    towards = _rays(camera, np.array(sphere.centre_px[0]), np.array(sphere.centre_px[1]))
+    towards = np.array(_rays(camera, np.array(sphere.centre_px[0]), np.array(sphere.centre_px[1])))
     if camera.focal_length_px is None:
         raise ValueError("a perspective camera needs focal_length_px")
     return np.asarray(towards / np.sin(np.arctan(sphere.radius_px / camera.focal_length_px)))
