@@ -18,6 +18,7 @@ from toolkit.records import Floats, readonly
 
 SIDE_X = np.array([-1.0, 1.0, -1.0, 1.0])[:, None]  # the nodes' places about a cell's centre, in spreads
 SIDE_Y = np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
+TOLD = 0.25 * np.stack([np.ones(4), SIDE_X[:, 0], SIDE_Y[:, 0]])  # mean and slopes, as sums of the values there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,18 +66,12 @@ class ChannelCells:
         n = self.cells
         here = here if n == here.shape[-1] else here[..., self.rows[:n]]
         if not self.slopes:
-            return np.asarray(np.add.reduce(here, axis=-2) / here.shape[-2])  # a mean, in a third of the time if short
-        result = np.empty((*here.shape[:-2], len(self.rows)))
-        above, below = here[..., 0, :] + here[..., 1, :], here[..., 2, :] + here[..., 3, :]
-        np.add(above, below, out=result[..., :n])
-        np.subtract(here[..., 1, :], here[..., 0, :], out=result[..., n : 2 * n])
-        result[..., n : 2 * n] += here[..., 3, :]
-        result[..., n : 2 * n] -= here[..., 2, :]
-        np.subtract(below, above, out=result[..., 2 * n :])
+            nodes = here.shape[-2]
+            return np.asarray(np.full(nodes, 1.0 / nodes) @ here)
+        found = TOLD @ here
         if self.narrower is not None:
-            result[..., n:] *= np.tile(self.narrower, 2)
-        result *= 0.25
-        return result
+            found[..., 1:, :] *= self.narrower
+        return np.asarray(found.reshape(*here.shape[:-2], -1))
 
     def only(self, kept: NDArray[np.intp], rows: NDArray[np.intp], *, slopes: bool = True) -> ChannelCells:
         """Some of the cells (k,), at new places `rows` (k,), with their slopes or without."""
