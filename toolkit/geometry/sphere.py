@@ -33,10 +33,6 @@ class Surface:
         """Which lines of sight meet the sphere (N,)."""
         return np.asarray(self.offset2 < 1.0)
 
-    def part(self, index: int | tuple[slice, ...]) -> Surface:
-        """At some of the samples."""
-        return Surface(normal=self.normal[index], view=self.view[index], offset2=self.offset2[index])
-
 
 def surface(
     camera: Camera, sphere: Sphere, x_px: Floats, y_px: Floats, *, dtype: type[np.floating[Any]] = np.float64

@@ -132,7 +132,7 @@ class Cells:
         return Cells(
             x_px=self.x_px[::every],
             y_px=self.y_px[::every],
-            node_x_px=self.node_x_px[..., ::every],
-            node_y_px=self.node_y_px[..., ::every],
+            node_x_px=np.ascontiguousarray(self.node_x_px[..., ::every]),
+            node_y_px=np.ascontiguousarray(self.node_y_px[..., ::every]),
             channels=(channels[0], channels[1], channels[2]),
         )

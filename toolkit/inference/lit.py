@@ -8,7 +8,6 @@ import numpy as np
 
 from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, Scene
-from toolkit.reflectance.blockwise import Piece
 from toolkit.reflectance.cosines import Cosines, per_place
 from toolkit.reflectance.fresnel import schlick_pair
 
@@ -28,24 +27,12 @@ class Lit:
     schlick: Floats
     returned: Floats | None
 
-    def thinned(self, every: int) -> Lit:
-        """At one place in so many along the last axis."""
-
-        def piece(values: Floats) -> Floats:
-            few = values[..., ::every]
-            return np.ascontiguousarray(few) if any(few.strides) else few
-
-        return self._each(piece)
-
     def middles(self) -> Lit:
         """Means over the last axis but one, of nodes, in their place."""
 
         def piece(values: Floats) -> Floats:
             return values.mean(axis=-2, keepdims=True) if any(values.strides) else values[..., :1, :]
 
-        return self._each(piece)
-
-    def _each(self, piece: Piece) -> Lit:
         return replace(
             self,
             cosines=self.cosines.part(piece),

@@ -68,7 +68,7 @@ def moved(
     nearness = getattr(light, "nearness", 0.0 if position is None else 1.0 / float(np.linalg.norm(position)))
     across, along = tangents(direction)
     turned = direction + turn_rad[0] * across + turn_rad[1] * along
-    turned /= np.linalg.norm(turned)
+    turned /= np.sqrt(turned @ turned)
     irradiance, before = light.irradiance, returned_of(light)
     if scale != (1.0, 1.0, 1.0):
         red, green, blue = (e * f for e, f in zip(irradiance or (1.0, 1.0, 1.0), scale, strict=True))
