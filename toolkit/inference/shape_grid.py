@@ -7,7 +7,7 @@ shapes are sums of products of two of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,7 +18,7 @@ from toolkit.records import Floats
 from .cells import ChannelCells
 from .columns import Columns, bodies_of_many, highlights_of_many
 from .normal import Sums, equations
-from .problem import Optimum
+from .problem import Evaluated, Optimum
 from .solving import scaled_each
 from .weights import Weights
 
@@ -72,36 +72,43 @@ def _solved(optimum: Optimum, matrix: Floats, rhs: Floats, squares: Floats) -> S
 
 def _sums_of(optimum: Optimum, photograph: int, axes: Floats) -> list[Sums]:
     """Of one photograph's three channels, at all shapes of the grid one after the other (g, ...)."""
-    problem, view = optimum.problem, optimum.problem.views[photograph]
-    sharp = len(problem.model.specular.parameters)
-    glosses, bodies = (np.array(list(product(*part))) for part in (axes[:sharp], axes[sharp:]))
-    some = np.array_split(glosses, -(-len(glosses) * view.cells.node_x_px.size // AT_ONCE))
-    of_view = problem.model, problem.fresnel, view.lights, view.cells
-    shine, matte = [highlights_of_many(*of_view, part) for part in some], bodies_of_many(*of_view, bodies)
-    own = slice(3 * photograph, 3 * photograph + 3)
-    of_channels = zip(matte, view.cells.channels, optimum.weights.weights[own], problem.extras[own], strict=True)
-    return [_sums(mine, *each) for mine, each in zip(zip(*shine, strict=True), of_channels, strict=True)]
+    problem, view, first = optimum.problem, optimum.problem.views[photograph], 3 * photograph
+    numbers, sharp = view.cells.node_x_px.size * len(view.lights), len(problem.model.specular.parameters)
+
+    def told(of: Callable[..., Evaluated], axes: Floats) -> list[Evaluated]:
+        """The columns of one lobe at all combinations of its numbers, in parts."""
+        shapes = np.array(list(product(*axes)))
+        parts = np.array_split(shapes, min(-(-len(shapes) * numbers // AT_ONCE), len(shapes)))
+        return [of(problem.model, problem.fresnel, view.lights, view.cells, part) for part in parts]
+
+    shine, matte = told(highlights_of_many, axes[:sharp]), told(bodies_of_many, axes[sharp:])
+    weights, extras = optimum.weights.weights[first : first + 3], problem.extras[first : first + 3]
+    return [
+        _sums([part[c] for part in shine], [part[c] for part in matte], data, weights[c], extras[c])
+        for c, data in enumerate(view.cells.channels)
+    ]
 
 
-def _sums(shine: Sequence[Columns], matte: Columns, data: ChannelCells, w: Weights, extras: Floats) -> Sums:
-    """One channel's sums at all m b shapes: of the highlight's m, in parts (..., g + 1, n), and the body's (b, 2, n).
+def _sums(shine: Sequence[Columns], matte: Sequence[Columns], data: ChannelCells, w: Weights, extras: Floats) -> Sums:
+    """One channel's sums at all m b shapes: of the highlight's m, in parts (..., g + 1, n), and the body's b, in parts
+    (..., 2, n).
 
     The last row of either is the pedestal's; `extras` (n, q) are the extra columns.
     """
-    bodies = len(matte.rows)
-    still = np.concatenate([matte.rows[:, 0], matte.rows[0, 1:], data.value[None], extras.T])
+    bodies = np.concatenate([part.rows[:, 0] for part in matte])
+    still = np.concatenate([bodies, matte[0].rows[0, 1:], data.value[None], extras.T])
     products = np.concatenate([_products(part.rows[:, :-1], still, w) for part in shine])
     gloss = products.shape[-1] - len(still)
-    pedestal, value, extra = gloss + bodies, gloss + bodies + 1, np.arange(gloss + bodies + 2, products.shape[-1])
-    rows = np.array([[*range(gloss), gloss + body, pedestal] for body in range(bodies)])  # (b, r), with each body
+    pedestal, value, *extra = range(gloss + len(bodies), products.shape[-1])
+    rows = np.array([[*range(gloss), body, pedestal] for body in range(gloss, pedestal)])  # (b, r), with each body
     sums = Sums(
         products=np.concatenate(products[:, rows[:, :, None], rows[:, None]]),
         data=np.concatenate(products[:, rows, value]),
         squares=float(products[0, value, value]),
-        across=np.concatenate(products[:, extra[:, None], rows[:, None]]),
+        across=np.concatenate(products[:, np.array(extra, int)[:, None], rows[:, None]]),
         extra_data=products[0, extra, value],
     )
-    return sums.mixed(np.hstack([shine[0].mix[0, :, :-1], matte.mix[0]]))
+    return sums.mixed(np.hstack([shine[0].mix[0, :, :-1], matte[0].mix[0]]))
 
 
 def _products(moving: Floats, still: Floats, w: Weights) -> Floats:
