@@ -21,7 +21,7 @@ from .workers import Workers
 STRIP = 1 << 18  # places of a picture, some 30 ms of work: nobody waits long for the last one
 
 Begin = Callable[[Fit, slice], Future[None]]
-Lines = Callable[[slice], ModelLayers]
+Take = Callable[[ModelLayers, slice], None]  # of some rows of layers that are there, in any process
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,27 +78,19 @@ class Drawing:
     """A fit's layers while they are being drawn; `begin` begins some rows of the canvas."""
 
     def __init__(self, canvas: Canvas, fit: Fit, begin: Begin) -> None:
-        self.fit = fit
-        self.layers = canvas.layers(fit)  # what of them is not drawn yet is of no use
+        self._layers = canvas.layers(fit)  # what of them is not drawn yet is of no use
         lighter = replace(fit, draws={}, parameters=(), elpd_blocks=np.zeros(0))  # to send
-        self._strips = [(rows, begin(lighter, rows)) for rows in canvas.strips()]
-
-    def lines(self, rows: slice) -> ModelLayers:
-        """Some rows of them, once those are drawn; raises whatever kept them from it."""
-        start, stop, _ = rows.indices(len(self.layers.used))
-        for strip, drawn in self._strips:
-            if strip.start < stop and start < strip.stop:
-                drawn.result()
-        return self.layers.lines(rows)
+        self._strips = [begin(lighter, rows) for rows in canvas.strips()]
 
     def whole(self) -> ModelLayers:
-        """All of them, once they are drawn."""
-        self.lines(np.s_[:])
-        return self.layers
+        """All of them, once they are drawn; raises whatever kept some from it."""
+        for drawn in self._strips:
+            drawn.result()
+        return self._layers
 
     def give_up(self) -> None:
         """Draw no more; the canvas is free for another fit."""
-        wait([drawn for _, drawn in self._strips if not drawn.cancel()])
+        wait([drawn for drawn in self._strips if not drawn.cancel()])
 
 
 class Studio:
@@ -110,20 +102,25 @@ class Studio:
         self._begun: dict[int, Drawing] = {}
         crew.learn(self._draw)
 
-    def drawing(self, number: int, fit: Fit) -> Drawing:
-        """A photograph's layers of this fit, begun if they are not yet; those of another fit are given up."""
-        begun = self._begun.get(number)
-        if begun is not None and begun.fit is not fit:
-            begun.give_up()
-            begun = None
-        if begun is None:
-            canvas = self._canvases[number]
-            begun = Drawing(canvas, fit, lambda shown, rows: self._crew.submit(self._draw, number, shown, rows))
-            self._begun[number] = begun
-        return begun
+    def draw(self, number: int, fit: Fit, write_to: Callable[[ModelLayers], Take] | None = None) -> Drawing:
+        """Begin a photograph's layers of this fit; what was begun of another is given up.
 
-    def _draw(self, number: int, fit: Fit, rows: slice) -> None:
-        self._canvases[number].draw(fit, rows)
+        `write_to` is told of them before they are drawn, and gives what takes their rows as they are.
+        """
+        if number in self._begun:
+            self._begun[number].give_up()
+        canvas = self._canvases[number]
+        take = None if write_to is None else write_to(canvas.layers(fit))
+        self._begun[number] = Drawing(
+            canvas, fit, lambda shown, rows: self._crew.submit(self._draw, number, take, shown, rows)
+        )
+        return self._begun[number]
+
+    def _draw(self, number: int, take: Take | None, fit: Fit, rows: slice) -> None:
+        canvas = self._canvases[number]
+        canvas.draw(fit, rows)
+        if take is not None:
+            take(canvas.layers(fit), rows)
 
 
 def layers_of_fit(image: LinearImage, picture: Quads, fit: Fit, rows: slice = np.s_[:]) -> ModelLayers:

@@ -7,11 +7,13 @@ file -> RawFrame -> LinearImage -> Scene -> Fits (with their posteriors) -> Colo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from toolkit.records import CameraColour, ColourLayers, Fit, LinearImage, MaterialReport, ModelLayers, Photograph
+from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .clock import Clock, Progress, imported_meanwhile
 from .settings import Settings
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from toolkit.flags import Flag
     from toolkit.radiometry.quads import Quads
 
-    from .drawing import Drawing, Lines
+    from .drawing import Drawing, Take
     from .workers import Workers
 
 
@@ -33,8 +35,8 @@ class Ahead(Protocol):
     def fits(self, image: LinearImage, fits: tuple[Fit, ...], best: int) -> None:
         """Of all fits to the photographs, of which `image` is the first."""
 
-    def layers(self, number: int, image: LinearImage, layers: ModelLayers, lines: Lines) -> None:
-        """Of a photograph's layers of the best fit, which may still be drawn: `lines(rows)` waits for some of them."""
+    def layers(self, number: int, image: LinearImage, layers: ModelLayers) -> Take:
+        """Of a photograph's layers of the best fit, before they are drawn: what takes their rows as they are."""
 
 
 def fit_material(
@@ -64,55 +66,43 @@ def fit_jointly(
     """
     clock, settings = Clock(progress), asked[0][1]
     looked = [_look(path, own, clock) for path, own in asked]
-    from threadpoolctl import threadpool_limits
-
-    from toolkit.inference.agreement import agreement
     from toolkit.inference.compare import rank
     from toolkit.inference.joint import of_photograph
 
     from .candidates import fit_models, fits_at_once
     from .drawing import Studio
-    from .quality import quality_flags, shown_flags
+    from .quality import quality_flags
+    from .threads import one_thread_each
     from .workers import workers
 
-    # one thread for each product: they are small, so it is faster, and the sums are the same on every machine
-    with threadpool_limits(1), workers(fits_at_once(settings, processes)) as crew:
+    with one_thread_each(), workers(fits_at_once(settings, processes)) as crew, ThreadPoolExecutor(1) as beside:
         studio = Studio([(one.image, picture) for one, picture in looked], crew)
+        early: list[Future[_Shown]] = []  # of the first photograph by the likely best fit, while the last one is out
         if ahead is not None:
             ahead.join(crew)
 
         def show(v: int, fit: Fit) -> _Shown:
-            """Begin a photograph's layers of this fit, and separate its colours meanwhile."""
             one, picture = looked[v]
-            drawing = studio.drawing(v, fit)
-            if ahead is not None:
-                ahead.layers(v, one.image, drawing.layers, drawing.lines)
-            separation, colour = _separated(one, picture, asked[v][1], fit)
-            return _Shown(fit, drawing, separation, colour, shown_flags(one.image, one.scene))
+            drawing = studio.draw(v, fit, partial(ahead.layers, v, one.image) if ahead else None)
+            return _shown(one, picture, asked[v][1], fit, drawing)
 
-        early: list[_Shown] = []  # of the first photograph by the likely best fit, while the last one is out
+        def idle(so_far: tuple[Fit, ...]) -> None:
+            early.append(beside.submit(show, 0, so_far[rank(so_far)[0]]))
 
         with clock.stage("fit"):
-            fits = fit_models(
-                [(one.image, one.scene) for one, _ in looked],
-                settings,
-                progress,
-                crew,
-                idle=lambda so_far: early.append(show(0, so_far[rank(so_far)[0]])),
-            )
+            fits = fit_models([(one.image, one.scene) for one, _ in looked], settings, progress, crew, idle=idle)
             best, preferred, lead = rank(fits)
         if ahead is not None:
             ahead.fits(looked[0][0].image, fits, best)
         seen = []
-        for v, ((one, _), (_, own)) in enumerate(zip(looked, asked, strict=True)):
-            mine = of_photograph(fits[best], v)
-            with clock.stage("separate"):
-                shown = early[0] if early and early[0].fit is mine else show(v, mine)
-            with clock.stage("layers"):
-                layers = shown.drawing.whole()
-                agreed = None if own.separation.method == "none" else agreement(shown.separation, layers, mine)
-                full = replace(one, separation=shown.separation, layers=layers, agreement=agreed, colour=shown.colour)
-            seen.append(replace(full, flags=one.flags + quality_flags(full, shown.flags, fits[best], preferred)))
+        with clock.stage("layers"):
+            for v in range(len(looked)):
+                mine = of_photograph(fits[best], v)
+                shown = early.pop().result() if early else show(v, mine)
+                if shown.fit is not mine:
+                    shown = show(v, mine)
+                more = quality_flags(shown.photograph, shown.flags, fits[best], preferred)
+                seen.append(replace(shown.photograph, flags=shown.photograph.flags + more))
     return MaterialReport(
         image=seen[0].image,
         scene=seen[0].scene,
@@ -135,29 +125,36 @@ class _Shown(NamedTuple):
     """What is shown of a photograph by a fit."""
 
     fit: Fit
-    drawing: Drawing
-    separation: ColourLayers | None
-    colour: CameraColour | None
-    flags: tuple[Flag, ...]  # of the photograph's samples alone
+    photograph: Photograph
+    flags: tuple[Flag, ...]  # of its samples alone
 
 
-def _separated(
-    one: Photograph, picture: Quads, settings: Settings, fit: Fit
-) -> tuple[ColourLayers | None, CameraColour | None]:
-    """The photograph's colours separated, where that is asked for and they can be, and the camera's own."""
+def _shown(one: Photograph, picture: Quads, settings: Settings, fit: Fit, drawing: Drawing) -> _Shown:
+    """The photograph's colours separated, where that is asked for and they can be, while its layers are drawn."""
+    from toolkit.inference.agreement import agreement
+
     from .colours import seen_by_colour, separate_colours
+    from .quality import shown_flags
     from .srgb import colour_of
 
-    seen = None if settings.separation.method == "none" else seen_by_colour(one.image, picture, one.scene)
-    separation = separate_colours(one.image, seen, one.scene, settings, fit, reference=one.reference, colour=one.colour)
-    return separation, one.colour or colour_of(one.image.metadata, one.scene, separation)
+    in_colour = settings.separation.method != "none"
+    values = seen_by_colour(one.image, picture, one.scene) if in_colour else None
+    separation = separate_colours(
+        one.image, values, one.scene, settings, fit, reference=one.reference, colour=one.colour
+    )
+    colour = one.colour or colour_of(one.image.metadata, one.scene, separation)
+    flags = shown_flags(one.image, one.scene)
+    layers = drawing.whole()
+    agreed = agreement(separation, layers, fit) if in_colour else None
+    full = replace(one, separation=separation, layers=layers, agreement=agreed, colour=colour)
+    return _Shown(fit, full, flags)
 
 
 def _look(path: Path, settings: Settings, clock: Clock) -> tuple[Photograph, Quads]:
     """Read one photograph, find the sphere and the light; also its picture."""
     from toolkit.io.read import read
 
-    with imported_meanwhile("pipelines.candidates", "emcee"):
+    with imported_meanwhile("pipelines.candidates", "emcee", "cv2"):
         with clock.stage("read"):
             frame = read(path)
         from toolkit.radiometry.quads import quads

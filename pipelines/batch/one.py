@@ -102,15 +102,14 @@ def result_of(job: Job) -> Path:
 
 
 def _made(job: Job, key: Mapping[str, str], begin: float) -> Outcome:
-    from threadpoolctl import threadpool_limits
-
     from pipelines.run import run
+    from pipelines.threads import one_thread_each
 
     def card(report: MaterialReport) -> dict[str, Write]:
         return {SUFFIX: partial(write_card, report=report, key=key)}
 
     result = result_of(job)
-    with threadpool_limits(1), _one_opencv_thread():
+    with one_thread_each():
         run(job.asked, job.out / job.place, page=job.page, exports=job.exports, processes=1, beside=card)
     return _judged(job, key, "done", digest_of(result), time.perf_counter() - begin)
 
@@ -128,18 +127,6 @@ def _judged(job: Job, key: Mapping[str, str], status: str, digest: str, seconds:
         lasting=bool(error),
         seconds=seconds,
     )
-
-
-@contextlib.contextmanager
-def _one_opencv_thread() -> Iterator[None]:
-    import cv2
-
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)
 
 
 @contextlib.contextmanager

@@ -1,13 +1,15 @@
-"""An OpenEXR file of float32 scan lines, not packed: a few lines at a time, made where they are written from.
+"""An OpenEXR file of float32 scan lines, not packed: any lines at any time, made where they are written from.
 
-OpenEXR's own writer takes whole planes and copies them sample by sample. Here no plane is held, and the disk takes the
-first lines while the next are made. The bytes are the same, by "OpenEXR File Layout" of openexr.com.
+OpenEXR's own writer takes whole planes and copies them sample by sample. Here no plane is held, several processes can
+write lines of one file, and the disk takes the first while the next are made. The bytes are the same, by "OpenEXR File
+Layout" of openexr.com.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,31 +26,54 @@ AT_A_TIME = 1 << 21  # bytes of lines: less costs calls, more leaves the process
 SENT = 1 << 23  # bytes that the disk is asked to take at once
 
 
-def write_lines(path: Path, channels: Sequence[str], fill: Fill, *, data: Window, display: Window) -> None:
-    """Write channels, told in the order of their names; `fill(rows, lines)` puts them into `lines` (n, channels, w).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scanlines:
+    """The file; `channels` in the order of their names, `data` the window that the lines fill, `display` the image's.
 
-    `data` is the window that the lines fill, `display` that of the whole image. Raises OSError where the disk does not
-    take it.
+    Both methods raise OSError where the disk does not take it.
     """
-    width, height = data[2] - data[0] + 1, data[3] - data[1] + 1
-    header, size = _header(channels, data, display), 4 * len(channels) * width
-    together = max(AT_A_TIME // size, 1)
-    whole = np.empty((together, 2 + len(channels) * width), "<f4")  # a line's y and size stand before its samples
-    numbers, lines = whole[:, :2].view("<i4"), whole[:, 2:].reshape(together, len(channels), width)
-    numbers[:, 1] = size
-    begin = len(header) + 8 * height
-    sent = 0
-    with path.open("wb") as file:
-        file.write(header)
-        file.write(np.arange(begin, begin + height * (8 + size), 8 + size, dtype="<i8").data)
-        for start in range(0, height, together):
-            count = min(together, height - start)
-            fill(slice(start, start + count), lines[:count])
-            numbers[:, 0] = data[1] + start + np.arange(together)
-            file.write(whole[:count].data)
-            if (done := file.tell()) - sent >= SENT:
-                begin_sync(file.fileno(), sent, done - sent)
-                sent = done
+
+    path: Path
+    channels: tuple[str, ...]
+    data: Window
+    display: Window
+
+    def begin(self) -> None:
+        """Write what stands before the lines; the file is as long as it will be."""
+        height, size = self.data[3] - self.data[1] + 1, 8 + self._line_bytes
+        begin = self._begin
+        with self.path.open("wb") as file:
+            file.write(_header(self.channels, self.data, self.display))
+            file.write(np.arange(begin, begin + height * size, size, dtype="<i8").data)
+            file.truncate(begin + height * size)
+
+    def write(self, rows: slice, fill: Fill) -> None:
+        """Write some of the lines; `fill(rows, lines)` puts a few of them into `lines` (n, channels, w)."""
+        size, width = self._line_bytes, self.data[2] - self.data[0] + 1
+        together = max(AT_A_TIME // size, 1)
+        whole = np.empty((together, 2 + len(self.channels) * width), "<f4")  # a line's y and size before its samples
+        numbers, lines = whole[:, :2].view("<i4"), whole[:, 2:].reshape(together, len(self.channels), width)
+        numbers[:, 1] = size
+        with self.path.open("r+b") as file:
+            sent = file.seek(self._begin + rows.start * (8 + size))
+            for start in range(rows.start, rows.stop, together):
+                count = min(together, rows.stop - start)
+                fill(slice(start, start + count), lines[:count])
+                numbers[:, 0] = self.data[1] + start + np.arange(together)
+                file.write(whole[:count].data)
+                if (done := file.tell()) - sent >= SENT or start + count == rows.stop:
+                    file.flush()
+                    begin_sync(file.fileno(), sent, done - sent)
+                    sent = done
+
+    @property
+    def _line_bytes(self) -> int:
+        return 4 * len(self.channels) * (self.data[2] - self.data[0] + 1)
+
+    @property
+    def _begin(self) -> int:
+        """Where the first line stands."""
+        return len(_header(self.channels, self.data, self.display)) + 8 * (self.data[3] - self.data[1] + 1)
 
 
 def _header(channels: Sequence[str], data: Window, display: Window) -> bytes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import glob
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,9 +20,11 @@ from .result import finite, result_object, result_text
 from .text import stem
 
 if TYPE_CHECKING:
-    from pipelines.drawing import Lines
+    from pipelines.drawing import Take
     from pipelines.settings import Settings
     from pipelines.workers import Workers
+
+    from .layers_exr import LayersFile
 
 OWN = (".json", ".run.json", ".html", ".posterior.nc", ".layers.exr", ".settings.toml")
 NUMBERED = (".layers-*.exr", ".settings-*.toml")  # of a joint fit's photographs after the first
@@ -81,8 +84,11 @@ class Files:
     exports: Sequence[str]
     held: ExitStack  # what is closed in the end: the threads that write, then the draft
     name: str = ""  # the stem of all of them
-    begun: dict[str, Future[float]] = field(default_factory=dict)  # by suffix, the seconds it takes
+    begun: dict[str, Future[float] | None] = field(
+        default_factory=dict
+    )  # by suffix, the seconds it takes, if it says so
     place: tuple[Path, ThreadPoolExecutor] | None = None  # not before the first: a fit that fails leaves no trace
+    lock: threading.Lock = field(default_factory=threading.Lock)  # the first may be begun in two threads at once
     crew: Workers | None = None
     over: bool = False  # given up, or all written: what a thread still brings comes too late
 
@@ -96,15 +102,21 @@ class Files:
         self.name = stem(image.name)
         self._begin(".posterior.nc", _posterior(image, fits, best), self.crew)
 
-    def layers(self, number: int, image: LinearImage, layers: ModelLayers, lines: Lines) -> None:
+    def layers(self, number: int, image: LinearImage, layers: ModelLayers) -> Take:
         """Begin the layers of a joint fit's photograph `number`, from 0; the first one's name is that of all files.
 
-        They may still be drawn: `lines(rows)` waits for some of them. Told again, they replace what was begun.
+        They are written by whoever draws them, in what process it may be: what takes some rows of them is returned.
         """
+        from .layers_exr import LayersFile
+
         self.name = self.name or stem(image.name)
-        if (suffix := _layers_suffix(number)) in self.begun:
-            wait([self.begun[suffix]])
-        self._begin(suffix, partial(_layers, layers, image, lines))
+        suffix = _layers_suffix(number)
+        path = self._draft()[0] / f"{self.name}{suffix}"
+        self.begun[suffix] = None
+        try:
+            return partial(_take, LayersFile.begin(path, layers, image), self.out_dir)
+        except OSError as error:
+            raise explained(error, self.out_dir) from error
 
     def rest(
         self,
@@ -127,7 +139,7 @@ class Files:
                 self._begin(suffix, write)
         self._begin(".json", partial(_text_of, result_text, result))
         try:
-            seconds = {suffix: one.result() for suffix, one in self.begun.items()}
+            seconds = {suffix: one.result() for suffix, one in self.begun.items() if one}
             _write_run(self._draft()[0] / f"{self.name}.run.json", report, seconds)
         except OSError as error:
             raise explained(error, self.out_dir) from error
@@ -138,12 +150,13 @@ class Files:
         self.begun[suffix] = (crew or pool).submit(_timed, write, folder / f"{self.name}{suffix}")
 
     def _draft(self) -> tuple[Path, ThreadPoolExecutor]:
-        if self.over:
-            raise RuntimeError("a file was begun after the others were given up")
-        if self.place is None:
-            folder = self.held.enter_context(whole(self.out_dir, last=f"{self.name}.json"))
-            self.place = folder, self.held.enter_context(ThreadPoolExecutor(TOGETHER))
-        return self.place
+        with self.lock:
+            if self.over:
+                raise RuntimeError("a file was begun after the others were given up")
+            if self.place is None:
+                folder = self.held.enter_context(whole(self.out_dir, last=f"{self.name}.json"))
+                self.place = folder, self.held.enter_context(ThreadPoolExecutor(TOGETHER))
+            return self.place
 
 
 def output_names(image_name: str, *, exports: Sequence[str] = ()) -> list[str]:
@@ -159,7 +172,7 @@ def _writers(
     shown: Sequence[MaterialReport | Photograph] = report.photographs or (report,)
     for number, one in enumerate(shown):
         if one.layers is not None:
-            writers[_layers_suffix(number)] = partial(_layers, one.layers, one.image, None)
+            writers[_layers_suffix(number)] = partial(_layers, one.layers, one.image)
     if page:
         writers[".html"] = lambda path: _page(path, report, settings)
     if report.fits:
@@ -211,10 +224,18 @@ def _layers_suffix(number: int) -> str:
     return f".layers-{number + 1}.exr" if number else ".layers.exr"
 
 
-def _layers(layers: ModelLayers, image: LinearImage, lines: Lines | None, path: Path) -> None:
+def _layers(layers: ModelLayers, image: LinearImage, path: Path) -> None:
     from .layers_exr import write_layers
 
-    write_layers(path, layers, image, lines=lines)
+    write_layers(path, layers, image)
+
+
+def _take(file: LayersFile, out_dir: Path, layers: ModelLayers, rows: slice) -> None:
+    """Write some rows of layers as they are drawn; raises as `writing` does."""
+    try:
+        file.write(layers, rows)
+    except OSError as error:
+        raise explained(error, out_dir) from error
 
 
 def _export_suffixes(exports: Sequence[str]) -> list[str]:

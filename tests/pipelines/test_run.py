@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import threading
+import errno
+import os
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,9 @@ import pytest
 import pipelines.colours
 import toolkit.inference.compare
 from pipelines import drawing
-from pipelines.drawing import Lines
+from pipelines.drawing import Take
 from pipelines.fit_material import fit_jointly
+from pipelines.report.scanlines import Scanlines
 from pipelines.report.write import write_outputs, writing
 from pipelines.run import run
 from pipelines.workers import Workers
@@ -43,12 +46,11 @@ def test_what_a_run_writes_is_what_its_report_would_write(ball: Path, tmp_path: 
 
 
 class Told:
-    """Who is told of what is there before the report is, and reads the layers as a file would, in a thread."""
+    """Who is told of what is there before the report is, and lets rows of layers leave a mark where they are drawn."""
 
-    def __init__(self) -> None:
+    def __init__(self, marks: Path) -> None:
+        self.marks = marks
         self.fits_told: list[tuple[Fit, ...]] = []
-        self.layers_told: list[tuple[int, ModelLayers]] = []
-        self.read = threading.Event()
 
     def join(self, _: Workers) -> None:
         """Nothing for the crew to do."""
@@ -57,31 +59,36 @@ class Told:
         assert fits[best] is not None
         self.fits_told.append(fits)
 
-    def layers(self, number: int, _: LinearImage, layers: ModelLayers, lines: Lines) -> None:
-        self.layers_told.append((number, layers))
+    def layers(self, number: int, _: LinearImage, layers: ModelLayers) -> Take:
+        return partial(_mark, self.marks, len(layers.used))
 
-        def read() -> None:
-            assert np.isfinite(lines(np.s_[:]).diffuse).any()
-            self.read.set()
 
-        threading.Thread(target=read, daemon=True).start()
+def _mark(marks: Path, height: int, layers: ModelLayers, rows: slice) -> None:
+    assert np.isfinite(layers.lines(rows).diffuse).any()
+    (marks / f"{rows.start}-{rows.stop} of {height}, {os.getpid()}").touch()
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_layers_can_be_read_while_colours_are_still_separated(
-    ball: Path, monkeypatch: pytest.MonkeyPatch, processes: int
+def test_layers_are_taken_as_they_are_drawn_while_colours_are_separated(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int
 ) -> None:
-    """The separation waits here for the layers to be read: the other way round nobody would end."""
-    told, separate = Told(), pipelines.colours.separate_colours
+    """The separation waits here for rows to be taken: the other way round nobody would end."""
+    told, separate = Told(tmp_path), pipelines.colours.separate_colours
 
     def waiting(*args: Any, **more: Any) -> Any:
-        assert told.read.wait(LONG_S)
+        until = time.monotonic() + LONG_S
+        while not list(tmp_path.iterdir()):
+            assert time.monotonic() < until
+            time.sleep(0.01)
         return separate(*args, **more)
 
     monkeypatch.setattr(pipelines.colours, "separate_colours", waiting)
     report = fit_jointly([(ball, settings(ball, fit=TWO))], ahead=told, processes=processes)
-    assert told.layers_told[-1] == (0, report.layers)  # of another fit before, where that ended first
     assert told.fits_told == [report.fits]
+    assert report.layers is not None
+    marks = [path.name for path in tmp_path.iterdir()]
+    assert {mark.split(",")[0] for mark in marks} == {f"0-{height} of {height}" for height in [len(report.layers.used)]}
+    assert all(mark.endswith(f" {os.getpid()}") == (processes == 1) for mark in marks)
 
 
 @pytest.mark.parametrize("right", [True, False])
@@ -92,11 +99,11 @@ def test_layers_drawn_ahead_are_kept_only_if_they_are_of_the_best_fit(
     its file is written anew.
     """
     made: list[str] = []
-    begin, rank = drawing.Drawing.__init__, toolkit.inference.compare.rank
+    begin, rank = drawing.Studio.draw, toolkit.inference.compare.rank
 
-    def watched(self: drawing.Drawing, canvas: drawing.Canvas, fit: Fit, how: drawing.Begin) -> None:
+    def watched(self: drawing.Studio, number: int, fit: Fit, *more: Any) -> drawing.Drawing:
         made.append(fit.model)
-        begin(self, canvas, fit, how)
+        return begin(self, number, fit, *more)
 
     def misled(fits: tuple[Fit, ...]) -> Any:
         best, *others = rank(fits)
@@ -104,7 +111,7 @@ def test_layers_drawn_ahead_are_kept_only_if_they_are_of_the_best_fit(
         first = next((i for i, fit in enumerate(fits) if fit.model == wanted), best)
         return (first if len(fits) < 4 else best, *others)
 
-    monkeypatch.setattr(drawing.Drawing, "__init__", watched)
+    monkeypatch.setattr(drawing.Studio, "draw", watched)
     monkeypatch.setattr(drawing, "STRIP", 5000)
     monkeypatch.setattr(toolkit.inference.compare, "rank", misled)
     asked = settings(ball, fit={**TWO, "diffuse": []})
@@ -149,6 +156,23 @@ def test_a_run_that_fails_late_leaves_nothing(ball: Path, tmp_path: Path, monkey
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("method", ["begin", "write"])
+def test_a_full_disk_is_told_in_one_line_wherever_the_layers_are_written(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int, method: str
+) -> None:
+    """Also by a fork, whose error travels; nothing is left."""
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Scanlines, method, full)
+    with pytest.raises(FitMaterialError, match=r"cannot write to .*no space left on device") as caught:
+        run([(ball, settings(ball, fit=TWO))], tmp_path / "out", processes=processes)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_error_that_no_file_has_met_is_told_as_it_is(ball: Path, tmp_path: Path) -> None:
     """Whoever watches the progress may lose the line to a terminal: the folder has no part in that."""
 
@@ -168,5 +192,5 @@ def test_no_file_is_begun_after_all_was_given_up(ball: Path, tmp_path: Path) -> 
     with pytest.raises(KeyboardInterrupt), writing(tmp_path / "out") as files:
         raise KeyboardInterrupt
     with pytest.raises(RuntimeError, match="given up"):
-        files.layers(0, report.image, report.layers, report.layers.lines)
+        files.layers(0, report.image, report.layers)
     assert list(tmp_path.iterdir()) == []
