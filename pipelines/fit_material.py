@@ -45,8 +45,8 @@ def fit_material(
     """Fit every model asked for to one photograph.
 
     `progress(stage, fraction)` is told of each stage as it begins. `processes` fit models side by side, one a core
-    where None. Raises BadInputError for a file or a scene that
-    cannot be used, UsageError for settings that make no sense.
+    where None. Raises BadInputError for a file or a scene that cannot be used, UsageError for settings that make no
+    sense.
     """
     return fit_jointly([(path, settings)], progress=progress, processes=processes)
 

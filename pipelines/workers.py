@@ -1,7 +1,7 @@
 """Work side by side in forks of this process: each finds what it needs where this process holds it, at no cost.
 
-Forks and threads do not mix, so the forks are begun together, with the first job, and a process that begins them has
-no threads of its own yet.
+Forks and threads do not mix, so the forks are begun together, with the first job, by a process whose own threads all
+wait (OpenCV's survive a fork).
 """
 
 from __future__ import annotations
@@ -9,11 +9,18 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import get_context
+from multiprocessing.process import BaseProcess
 from typing import Any, ParamSpec, TypeVar
+
+from toolkit.errors import FitMaterialError
 
 from .interrupts import interrupts_held
 from .memory import give_back_memory, keep_memory
@@ -26,22 +33,29 @@ Job = Callable[..., Any]
 
 
 def side_by_side(processes: int | None) -> int:
-    """How many jobs to do at once: `processes`, or one a core; one where this process may have no children."""
+    """How many jobs to do at once: `processes`, or one a core; one where this process may have no forks."""
+    if not hasattr(os, "sched_getaffinity"):  # not Linux: system libraries may not survive a fork
+        return 1
     if multiprocessing.current_process().daemon or os.environ.get(ALONE):
         return 1
-    return processes or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    return processes or len(os.sched_getaffinity(0))
 
 
 @contextmanager
 def workers(count: int) -> Iterator[Workers]:
-    """So many workers, until all that is due is done; on an error or an interrupt they end in the midst of it."""
+    """So many workers, until all that is due is done; on an error or an interrupt they end in the midst of it.
+
+    Raises FitMaterialError where one of them is ended by the system.
+    """
     crew = Workers(count)
     try:
         yield crew
-    except BaseException:
+        crew.end()
+    except BaseException as error:
         crew.end(given_up=True)
+        if isinstance(error, BrokenProcessPool):
+            raise FitMaterialError("a worker died; expected more memory, or a smaller photograph") from error
         raise
-    crew.end()
 
 
 class Workers:
@@ -50,13 +64,15 @@ class Workers:
     What they do is told before the first job is begun; the arguments and what comes of them travel between processes.
     """
 
+    _beginning = threading.Lock()  # held while forks are begun: another thread's are not taken for them
+
     def __init__(self, count: int) -> None:
         self.count = count
         self._known: list[Job] = []
         self._due: list[Future[Any]] = []
         self._guesses: list[Future[Any]] = []
         self._pool: Executor | None = None
-        self._others = set(multiprocessing.active_children())
+        self._children: set[BaseProcess] = set()
 
     def learn(self, job: Job) -> None:
         """Tell of a job. Raises RuntimeError where the forks have begun, which would not know it."""
@@ -90,12 +106,20 @@ class Workers:
             return
         if not given_up:
             wait(self._due)
-        if self.count > 1 and not all(future.done() for future in (*self._due, *self._guesses)):
-            for child in set(multiprocessing.active_children()) - self._others:
-                child.terminate()
+        if not all(future.done() for future in (*self._due, *self._guesses)):
+            self._end_children()
         self._pool.shutdown(wait=given_up, cancel_futures=True)  # nobody waits for forks to tidy up
-        for held in (_known, self._known, self._due, self._guesses):  # photographs, in the end
+        for held in (self._known, self._due, self._guesses):  # photographs, in the end
             held.clear()
+
+    def _end_children(self) -> None:
+        for child in self._children:
+            child.terminate()
+        for child in self._children:
+            child.join()
+        if isinstance(self._pool, ProcessPoolExecutor) and (pipe := self._pool._result_queue):
+            # half of what one was sending may be there: this end is the last that its reader waits for
+            pipe._writer.close()  # type: ignore[attr-defined]  # no public way leads there
 
     def _begin(self, job: Job, asked: tuple[Any, ...], more: dict[str, Any]) -> Future[Any]:
         with interrupts_held():  # one that struck between a fork and its entry in the books would leave it running
@@ -106,19 +130,37 @@ class Workers:
             return self._pool.submit(_run, self._known.index(job), asked, more)
 
     def _forks(self) -> Executor:
-        """Begun with the first job that is submitted, all of them."""
-        _known[:] = self._known
         give_back_memory()
-        return ProcessPoolExecutor(self.count, mp_context=get_context("fork"), initializer=_settle_in)
+        begin = partial(_settle_in, os.getpid(), self._known)
+        pool = ProcessPoolExecutor(self.count, mp_context=get_context("fork"), initializer=begin)
+        with self._beginning:
+            others = set(multiprocessing.active_children())
+            pool.submit(os.getpid)  # all are forked with the first job
+            self._children = set(multiprocessing.active_children()) - others
+        return pool
 
 
-_known: list[Job] = []  # what the forks find where this process left it
+_known: list[Job] = []  # in a fork, what it was begun with
 
 
 def _run(number: int, asked: tuple[Any, ...], more: dict[str, Any]) -> object:
     return _known[number](*asked, **more)
 
 
-def _settle_in() -> None:
+def _settle_in(parent: int, known: list[Job]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's to answer
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    end_with(parent)
     keep_memory()
+    _known[:] = known
+
+
+def end_with(parent: int) -> None:
+    """Let this process end soon after the one that began it: nothing may go on writing while a new run begins."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -11,9 +11,8 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from pipelines.memory import keep_memory
+from pipelines.workers import end_with
 from toolkit.errors import FitMaterialError, UsageError
-
-from .one import die_with_parent
 
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 ONE_THREAD = {f"{name}{'' if name.endswith('MAXIMUM') else '_NUM'}_THREADS": "1" for name in THREADS}
@@ -65,7 +64,7 @@ def loky_processes(workers: int) -> Iterator[Executor]:
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     keep_memory()
-    die_with_parent()
+    end_with(os.getppid())
 
 
 def dask_cluster(address: str, *, jobs: int | None, version: str) -> Crew:

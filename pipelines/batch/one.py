@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -139,15 +137,3 @@ def _beacon(job: Job) -> Iterator[None]:
     path.touch()
     yield
     path.unlink(missing_ok=True)
-
-
-def die_with_parent() -> None:
-    """Let this worker end soon after its parent: nothing may go on writing while a new run begins."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.1)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from pipelines.interrupts import interrupts_held
 from toolkit.errors import FitMaterialError, UsageError
 
 _CALLERS_MISTAKE = {
@@ -42,8 +43,10 @@ def _whole(out_dir: Path, last: str) -> Iterator[Path]:
     exists = out_dir.is_dir()
     home = out_dir if exists else out_dir.parent
     home.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=".fit-material-", suffix=".part", dir=home))
+    draft: Path | None = None
     try:
+        with interrupts_held():
+            draft = Path(tempfile.mkdtemp(prefix=".fit-material-", suffix=".part", dir=home))
         yield draft
         for path in draft.iterdir():
             sync(path)
@@ -55,7 +58,8 @@ def _whole(out_dir: Path, last: str) -> Iterator[Path]:
             sync(out_dir)
         sync(home)
     finally:
-        shutil.rmtree(draft, ignore_errors=True)
+        if draft is not None:
+            shutil.rmtree(draft, ignore_errors=True)
 
 
 def _move_into(draft: Path, out_dir: Path, last: str) -> None:

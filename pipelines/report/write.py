@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pipelines.interrupts import interrupts_held
 from toolkit.records import Fit, LinearImage, MaterialReport, ModelLayers, Photograph
 
 from .folder import explained, sync, whole
@@ -147,7 +148,8 @@ class Files:
 
     def _begin(self, suffix: str, write: Write, crew: Workers | None = None) -> None:
         folder, pool = self._draft()
-        self.begun[suffix] = (crew or pool).submit(_timed, write, folder / f"{self.name}{suffix}")
+        with interrupts_held():  # one that struck between a thread and its entry in the books would leave it writing
+            self.begun[suffix] = (crew or pool).submit(_timed, write, folder / f"{self.name}{suffix}")
 
     def _draft(self) -> tuple[Path, ThreadPoolExecutor]:
         with self.lock:

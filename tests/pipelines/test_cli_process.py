@@ -5,14 +5,22 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from pipelines.workers import ALONE, side_by_side
+
+from .test_fit_material import ball
+
+__all__ = ["ball"]  # the fixture
 HEAVY = {"colour", "matplotlib", "skimage", "cv2", "scipy", "xarray", "emcee", "h5py"}
 AVOIDED = HEAVY | {"numpy", "pydantic", "rawpy", "OpenEXR", "tifffile", "PIL", "jinja2", "toolkit.records"}
+LONG_S = 60.0
 MAIN = "import sys; from pipelines.cli import main; sys.exit(main())"
 
 
@@ -102,3 +110,33 @@ def test_progress_only_on_a_terminal() -> None:
     os.close(theirs)
     assert b"ball.dng: fit" in os.read(ours, 10_000)
     os.close(ours)
+
+
+@pytest.mark.skipif(side_by_side(None) < 2, reason="nothing is begun early")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_run_that_is_ended_leaves_no_files(ball: Path, tmp_path: Path, number: signal.Signals, code: int) -> None:
+    """Its files are begun while the last fit is out, which takes long here."""
+    words = [
+        str(ball),
+        "--model",
+        "torrance-sparrow",
+        "--model",
+        "phong",
+        "--diffuse",
+        "lambert",
+        "--set",
+        "fit.ess=300000",
+    ]
+    command = [sys.executable, "-c", MAIN, *words, "--out", str(tmp_path / "out")]
+    where = {name: value for name, value in os.environ.items() if name != ALONE}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=where) as process:
+        until = time.monotonic() + LONG_S
+        while not list(tmp_path.glob(".fit-material-*.part")):
+            assert process.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.005)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=LONG_S)
+    assert process.returncode == code
+    assert err.count("\n") <= 1
+    assert list(tmp_path.iterdir()) == []

@@ -21,7 +21,7 @@ from pipelines.fit_material import fit_jointly
 from pipelines.report.scanlines import Scanlines
 from pipelines.report.write import write_outputs, writing
 from pipelines.run import run
-from pipelines.workers import Workers
+from pipelines.workers import ALONE, Workers
 from toolkit.errors import FitMaterialError
 from toolkit.radiometry.quads import quads
 from toolkit.records import Fit, LinearImage, ModelLayers
@@ -111,6 +111,7 @@ def test_layers_drawn_ahead_are_kept_only_if_they_are_of_the_best_fit(
         first = next((i for i, fit in enumerate(fits) if fit.model == wanted), best)
         return (first if len(fits) < 4 else best, *others)
 
+    monkeypatch.delenv(ALONE, raising=False)
     monkeypatch.setattr(drawing.Studio, "draw", watched)
     monkeypatch.setattr(drawing, "STRIP", 5000)
     monkeypatch.setattr(toolkit.inference.compare, "rank", misled)

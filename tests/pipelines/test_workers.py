@@ -5,6 +5,9 @@ from __future__ import annotations
 import gc
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 import weakref
@@ -14,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from pipelines.workers import ALONE, Workers, side_by_side, workers
+from toolkit.errors import FitMaterialError
 
 LONG_S = 60.0
 
@@ -107,6 +111,120 @@ def test_an_error_ends_all_in_the_midst_of_their_work() -> None:
         interrupted()
     assert ended(before)
     assert all(future.done() for future in futures)
+
+
+SENDING = """
+import multiprocessing, os, struct, sys, time
+from pipelines.workers import workers
+def quick(): return 1
+def half(told):
+    pipe = multiprocessing.current_process()._args[1]._writer  # by which it sends what comes of its work
+    os.write(pipe.fileno(), struct.pack("!i", 1000) + b"not a thousand bytes")
+    os.write(told, b"!")
+    time.sleep(600.0)
+try:
+    with workers(2) as crew:
+        crew.learn(half)
+        crew.learn(quick)
+        there, told = os.pipe()
+        crew.submit(quick).result()
+        crew.each(half, [told], guess=True)
+        os.read(there, 1)
+        if sys.argv[1] == "error":
+            raise KeyboardInterrupt
+except KeyboardInterrupt:
+    pass
+print("ended", flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", ["error", "whole"])
+def test_a_fork_that_is_ended_while_it_sends_is_not_waited_for(how: str) -> None:
+    """The rest of it would be read for ever, and this process not end."""
+    command = [sys.executable, "-c", SENDING, how]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=True)
+    assert run.stdout == "ended\n"
+
+
+def test_an_interrupt_while_they_end_ends_them_too() -> None:
+    """It comes while the last jobs are waited for."""
+    before = set(multiprocessing.active_children())
+
+    def strike(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def waited_for() -> None:
+        with workers(2) as crew:
+            crew.learn(time.sleep)
+            crew.submit(time.sleep, 600.0)
+            signal.setitimer(signal.ITIMER_REAL, 0.5)
+
+    handler = signal.signal(signal.SIGALRM, strike)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            waited_for()
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+    assert ended(before)
+
+
+def test_a_fork_that_the_system_ends_is_told_in_one_line() -> None:
+    """As where memory runs out."""
+
+    def killed() -> None:
+        with workers(2) as crew:
+            crew.learn(os.kill)
+            crew.learn(os.getpid)
+            pid = crew.submit(os.getpid).result()
+            crew.submit(os.kill, pid, signal.SIGKILL).result()
+            crew.submit(os.getpid).result()
+
+    with pytest.raises(FitMaterialError, match="memory"):
+        killed()
+
+
+ORPHANS = """
+import os, time
+from pipelines.workers import workers
+with workers(2) as crew:
+    crew.learn(os.getpid)
+    crew.learn(time.sleep)
+    print(crew.submit(os.getpid).result(), flush=True)
+    crew.submit(time.sleep, 600.0).result()
+"""
+
+
+def test_forks_end_with_their_parent() -> None:
+    """One that is killed outright leaves none behind that could still write."""
+    with subprocess.Popen([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        fork = int(parent.stdout.readline())
+        parent.kill()
+    until = time.monotonic() + LONG_S
+    while Path(f"/proc/{fork}/stat").exists() and time.monotonic() < until:
+        if Path(f"/proc/{fork}/stat").read_text().split(")")[1].split()[0] == "Z":
+            break
+        time.sleep(0.05)
+    else:
+        assert not Path(f"/proc/{fork}").exists()
+
+
+def test_crews_of_two_threads_leave_each_other_alone() -> None:
+    """Each knows its own jobs, and the end of one is no end of the other."""
+
+    def ten() -> int:
+        return 10
+
+    with workers(2) as one:
+        one.learn(ten)
+        assert one.submit(ten).result() == 10
+        with workers(2) as other:
+            other.learn(os.getpid)
+            other.learn(time.sleep)
+            other.each(time.sleep, [600.0], guess=True)
+            assert other.submit(os.getpid).result() != os.getpid()
+            assert one.submit(ten).result() == 10
+        assert one.submit(ten).result() == 10
 
 
 def test_a_single_worker_ends_with_the_job_in_hand_on_an_error() -> None:
