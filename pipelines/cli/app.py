@@ -30,7 +30,7 @@ HELP = """Estimate what a surface is made of, optically, from a photograph of a 
 
 Give raw photographs (DNG and others), or linear EXR, 16-bit PNG, TIFF or Radiance .hdr. Results go to stdout, all
 else to stderr. Exit codes: 0 good, 1 a fit failed, 2 usage, 3 bad input, 4 several images and some failed,
-5 low quality with --strict, 130 interrupted.
+5 low quality with --strict, 130 interrupted, 143 terminated.
 """
 
 app = App(
