@@ -10,12 +10,14 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
-from pipelines.memory import keep_memory
+from pipelines.memory import KEPT, keep_memory
 from pipelines.workers import end_with
 from toolkit.errors import FitMaterialError, UsageError
 
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 ONE_THREAD = {f"{name}{'' if name.endswith('MAXIMUM') else '_NUM'}_THREADS": "1" for name in THREADS}
+# loky takes memory that a worker keeps for a leak, says so and begins another worker
+NO_LEAK = {"LOKY_MAX_MEMORY_LEAK_SIZE": str(4 * KEPT)}
 CONNECT_S = 20.0
 
 
@@ -52,7 +54,7 @@ def loky_processes(workers: int) -> Iterator[Executor]:
     """Processes of one thread each, which end with this one; at an error or interrupt they are killed."""
     from loky import ProcessPoolExecutor
 
-    pool = ProcessPoolExecutor(max_workers=workers, timeout=None, initializer=_begin, env=ONE_THREAD)
+    pool = ProcessPoolExecutor(max_workers=workers, timeout=None, initializer=_begin, env=ONE_THREAD | NO_LEAK)
     try:
         yield pool
     except BaseException:

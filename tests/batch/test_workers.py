@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -81,6 +82,16 @@ def test_workers_have_one_thread_each() -> None:
         assert pool.submit(threads).result() == ("1", 1)
 
 
+def test_memory_that_a_worker_keeps_is_no_leak() -> None:
+    """Loky looks at it each second, would begin another worker and warn of the first on the terminal."""
+    with warnings.catch_warnings(), loky_processes(1) as pool:
+        warnings.simplefilter("error")
+        first = pool.submit(os.getpid).result()
+        assert pool.submit(held_for, 400 << 20, 1.1).result() is None
+        assert pool.submit(held_for, 0, 1.1).result() is None
+        assert pool.submit(os.getpid).result() == first
+
+
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     """A parent killed outright leaves no worker behind that could still write."""
     code = (
@@ -97,6 +108,15 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
             break
         time.sleep(0.05)
     assert not alive(worker)
+
+
+def held_for(size: int, seconds: float) -> None:
+    """Keep so many bytes from now on, and go on for a while."""
+    KEPT.append(bytearray(size))
+    time.sleep(seconds)
+
+
+KEPT: list[bytearray] = []
 
 
 def alive(pid: int) -> bool:
