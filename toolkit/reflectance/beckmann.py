@@ -22,7 +22,7 @@ from . import masking as g
 from .cosines import Cosines, Number
 from .distributions import beckmann, beckmann_derivative
 from .lobe import Claim, Lobe, Parameter, register
-from .microfacet import MASKING, microfacet
+from .microfacet import MASKING, microfacet, microfacets
 
 
 def evaluate(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> Floats:
@@ -34,7 +34,7 @@ def gradient(cosines: Cosines, alpha: Number, *, masking: str = "smith") -> tupl
     """The value, and its derivative by alpha."""
     density, d_density = beckmann_derivative(cosines, alpha)
     seen, (d_seen,) = g.masking_derivatives(cosines, masking, g.BECKMANN, alpha)
-    return microfacet(cosines, density * seen), microfacet(cosines, d_density * seen + density * d_seen)
+    return microfacets(cosines, density * seen, d_density * seen + density * d_seen)
 
 
 register(

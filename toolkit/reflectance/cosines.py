@@ -39,7 +39,9 @@ class Cosines:
         whole = np.broadcast_shapes(normal.shape, light.shape, view.shape)[:-1]
         vectors = [parts_of(vector) for vector in (normal, light, view)]
         found = blockwise(lambda piece: _cosines(*([piece(part) for part in parts] for parts in vectors)), whole)
-        n_l, n_v, l_v, n_h, l_h, sin2_h, r_v = (np.broadcast_to(part, whole) for part in found)
+        n_l, n_v, l_v, n_h, l_h, sin2_h, r_v = (
+            part if part.shape == whole else np.broadcast_to(part, whole) for part in found
+        )
         return cls(
             n_dot_l=n_l,
             n_dot_v=n_v,

@@ -22,7 +22,7 @@ from . import masking as g
 from .cosines import Cosines, Number
 from .distributions import gtr, gtr_derivatives
 from .lobe import Claim, Lobe, Parameter, register
-from .microfacet import MASKING, microfacet
+from .microfacet import MASKING, microfacet, microfacets
 from .smith import exact
 
 SMITH = exact(gtr_derivatives)
@@ -38,7 +38,7 @@ def gradient(cosines: Cosines, alpha: Number, tail: Number, *, masking: str = "s
     density, by_alpha, by_tail = gtr_derivatives(cosines, alpha, tail)
     seen, (seen_alpha, seen_tail) = g.masking_derivatives(cosines, masking, SMITH, alpha, tail)
     parts = density * seen, by_alpha * seen + density * seen_alpha, by_tail * seen + density * seen_tail
-    return tuple(microfacet(cosines, part) for part in parts)
+    return microfacets(cosines, *parts)
 
 
 register(

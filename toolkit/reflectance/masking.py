@@ -54,7 +54,9 @@ class _Places:
     def of(self, values: Number) -> Floats:
         """An array's values there; one number is as good as many."""
         every = np.asarray(values)
-        return np.broadcast_to(every, self.shape).ravel()[self.flat] if every.ndim else every
+        if not every.ndim:
+            return every
+        return (every if every.shape == self.shape else np.broadcast_to(every, self.shape)).take(self.flat)
 
     def filled(self, values: Floats, elsewhere: float) -> Floats:
         """The whole array, of values there and one number everywhere else."""

@@ -16,4 +16,10 @@ def microfacet(cosines: Cosines, seen_density: Floats) -> Floats:
 
     0 where n.l or n.v is 0, since G is.
     """
-    return np.asarray(seen_density / (4.0 * np.maximum(cosines.n_dot_v, TINY)))
+    return microfacets(cosines, seen_density)[0]
+
+
+def microfacets(cosines: Cosines, *seen_densities: Floats) -> tuple[Floats, ...]:
+    """The same of several, as of G D and its derivatives."""
+    facing = 0.25 / np.maximum(cosines.n_dot_v, TINY)
+    return tuple(facing * part for part in seen_densities)

@@ -23,7 +23,7 @@ from . import masking as g
 from .cosines import Cosines, Number
 from .distributions import gaussian, gaussian_derivative
 from .lobe import Claim, Lobe, Parameter, register
-from .microfacet import microfacet
+from .microfacet import microfacet, microfacets
 from .smith import exact
 
 SMITH = exact(gaussian_derivative)
@@ -38,7 +38,7 @@ def gradient(cosines: Cosines, roughness_rad: Number, *, masking: str = "v-groov
     """The value, and its derivative by roughness_rad."""
     density, d_density = gaussian_derivative(cosines, roughness_rad)
     seen, (d_seen,) = g.masking_derivatives(cosines, masking, SMITH, roughness_rad)
-    return microfacet(cosines, density * seen), microfacet(cosines, d_density * seen + density * d_seen)
+    return microfacets(cosines, density * seen, d_density * seen + density * d_seen)
 
 
 register(
