@@ -61,7 +61,7 @@ def _orthographic(sphere: Sphere, x: Floats, y: Floats, dtype: type[np.floating[
         normal[:2] /= np.sqrt(np.maximum(offset2, 1.0))
         np.maximum(normal[2], 0.0, out=normal[2])
     np.sqrt(normal[2], out=normal[2])
-    vectors = np.moveaxis(normal, 0, -1)
+    vectors = normal.transpose(*range(1, normal.ndim), 0)
     return Surface(normal=vectors, view=repeated((0.0, 0.0, 1.0), vectors.shape, dtype), offset2=offset2)
 
 

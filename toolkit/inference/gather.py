@@ -65,8 +65,8 @@ class _Found:
     side: int
     places: Floats  # (2, n), x and y in pixels
     moments: Floats  # (3, 3, n), as by `Level.moments`
-    good: Mask  # (3, n), where each channel is told of
-    censored: Mask  # (3, n), of those the clipped ones
+    good: Mask  # (3, n), where each channel is told of; (1, n) if alike in all
+    censored: Mask  # the same, of those the clipped ones
 
 
 def _cells_of(
@@ -76,10 +76,10 @@ def _cells_of(
     last, width = level.side == 1, level.side * grid.step_px
     first = np.array(grid.origin_px) + 0.5 * (width - grid.step_px)
     places = width * blocks[::-1] + first[:, None]
-    seen, bound = surface(scene.camera, scene.sphere, *places), np.zeros((3, blocks.shape[1]), bool)
+    seen, good, bound = surface(scene.camera, scene.sphere, *places), ~level.spoiled(blocks), None
     if last and grid.clipped is not None:
         bound = grid.clipped[:, *blocks]
-    good = ~level.spoiled(blocks) | bound
+        good |= bound
     lit, allowed = _light_on(scene, wary, seen, finest_rad, last=last)
     keep, worth = (seen.offset2 < wary.furthest**2) & (lit > 0.0), np.zeros(len(lit), bool)
     if last:
@@ -95,7 +95,7 @@ def _cells_of(
         places=places.take(here, axis=1),
         moments=level.moments(blocks.take(here, axis=1)),
         good=good.take(here, axis=1),
-        censored=bound.take(here, axis=1),
+        censored=np.zeros((len(good), len(here)), bool) if bound is None else bound.take(here, axis=1),
     )
     return found, blocks.take(np.flatnonzero(worth), axis=1)
 
@@ -106,23 +106,25 @@ def _cells(grid: Grid, found: list[_Found]) -> Cells:
     sets = list(dict.fromkeys(grid.centroids))
     shares = [_Share.of(one, grid.step_px, side) for one in sets]
     x, y = np.concatenate([one.places for one in found], axis=1)
-    good, censored = (np.concatenate(part, axis=1) for part in zip(*((f.good, f.censored) for f in found), strict=True))
+    good, censored = (
+        np.broadcast_to(np.concatenate(part, axis=1), (3, len(x)))
+        for part in zip(*((f.good, f.censored) for f in found), strict=True)
+    )
     places = [sets.index(one) for one in grid.centroids]
     turns = np.array([shares[place].turn for place in places]).swapaxes(0, 1)
     data = np.concatenate([turn @ one.moments for turn, one in zip(turns, found, strict=True)], axis=-1)
+    told = {
+        (number, place): np.repeat(number * shares[place].counts, sizes, axis=1)
+        for number, place in zip(grid.samples, places, strict=True)
+    }
     every, channels = np.tile(np.arange(len(x)), 3), []
     for c, place in enumerate(places):
-        kept, values = np.flatnonzero(good[c]), data[c]
-        counts = np.repeat(grid.samples[c] * shares[place].counts, sizes, axis=1)
-        whole = len(kept) == len(x)
+        values, counts, bound, rows = data[c], told[grid.samples[c], place], censored[c], every
+        if not good[c].all():
+            kept = np.flatnonzero(good[c])
+            values, counts, bound, rows = values[:, kept], counts[:, kept], bound[kept], np.tile(kept, 3)
         channels.append(
-            ChannelCells(
-                rows=every if whole else np.tile(kept, 3),
-                place=place,
-                value=(values if whole else values[:, kept]).ravel(),
-                count=(counts if whole else counts[:, kept]).ravel(),
-                censored=censored[c, kept],
-            )
+            ChannelCells(rows=rows, place=place, value=values.ravel(), count=counts.ravel(), censored=bound)
         )
     return Cells(
         x_px=x,
@@ -188,7 +190,7 @@ def _light_on(scene: Scene, wary: _Wary, seen: Surface, finest_rad: float, *, la
 
     Of the `last` level, which is not divided any more, the width is not asked for.
     """
-    lit, width_rad = np.full((2, len(seen.normal)), [[-1.0], [SMOOTH_RAD]])
+    lit, width_rad = np.array([-1.0]), np.array([SMOOTH_RAD])
     for light, dark in zip(scene.lights, wary.dark, strict=True):
         n_dot_l, n_dot_v, l_dot_v = dots(seen.normal, light.at(seen.normal)[0], seen.view)
         lit = np.maximum(lit, n_dot_l - dark)

@@ -72,16 +72,15 @@ class Level:
         first, table = (row * width + column) * count, [sums.reshape(len(sums), -1) for sums in self.sums]
         if self.part > 1:
             return np.array([sums.take(first, axis=1) for sums in table], float)
-        down, along = np.indices((count, count)).reshape(2, -1)
-        middle = (count - 1) / 2
-        weight = np.array([np.ones(count**2), along - middle, down - middle], np.float32)
-        places = first + (down * width + along)[:, None]
+        inside, weight = _within(count, width)
+        places = first + inside[:, None]
         return np.array([weight @ sums[0].take(places) for sums in table], float)
 
     def spoiled(self, blocks: Blocks) -> Mask:
         """Whether blocks hold anything flagged or reach over the edge: per channel (3, n), (1, n) if alike in all."""
         row, column = blocks
-        over = ((row + 1) * self.side > self.size[0]) | ((column + 1) * self.side > self.size[1])
+        height, width = (n // self.side for n in self.size)
+        over = (row >= height) | (column >= width)
         return np.asarray(over[None] if self.bad is None else over | self.bad[:, row, column])
 
 
@@ -121,6 +120,16 @@ def _centroid(places_px: tuple[tuple[float, float], ...], x_px: float, y_px: flo
     )
 
 
+@lru_cache(maxsize=32)
+def _within(count: int, width: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Of a block of `count` on a side: where its parts are from its first (n,), in rows of `width`; and 1, x and y of
+    them from its middle (3, n).
+    """
+    down, along = np.indices((count, count)).reshape(2, -1)
+    middle = (count - 1) / 2
+    return down * width + along, np.array([np.ones(count**2), along - middle, down - middle], np.float32)
+
+
 def _mean(values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
     """The mean of planes of one channel; a single one as it is."""
     if len(values) == 1:
@@ -133,7 +142,7 @@ def _mean(values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
 
 
 def _flags(planes: tuple[Plane, ...], height: int, width: int, block: int) -> tuple[Mask | None, Mask | None]:
-    if not any(plane.flags[:height, :width].any() for plane in planes):
+    if not any(plane.flags[:height, :width].max(initial=0) for plane in planes):
         return None, None
     shape = (3, height + -height % block, width + -width % block)
     bad, clipped, invalid = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
