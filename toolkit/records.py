@@ -90,7 +90,10 @@ class Noise:
 
     def variance(self, signal: Floats, channel: int) -> Floats:
         """Variance at an expected signal (never at the noisy sample itself), same shape and kind as `signal`."""
-        return np.asarray(float(self.gain[channel]) * np.maximum(signal, 0.0) + float(self.read[channel]) ** 2)
+        variance = np.maximum(signal, 0.0)
+        variance *= float(self.gain[channel])
+        variance += float(self.read[channel]) ** 2
+        return np.asarray(variance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -63,11 +63,10 @@ class ChannelCells:
 
         Of means without slopes the nodes may be any number.
         """
-        n = self.cells
+        n, nodes = self.cells, here.shape[-2]
         here = here if n == here.shape[-1] else here[..., self.rows[:n]]
         if not self.slopes:
-            nodes = here.shape[-2]
-            return np.asarray(np.full(nodes, 1.0 / nodes) @ here)
+            return here[..., 0, :] if nodes == 1 else np.asarray(np.full(nodes, 1.0 / nodes) @ here)
         found = TOLD @ here
         if self.narrower is not None:
             found[..., 1:, :] *= self.narrower
@@ -125,9 +124,9 @@ class Cells:
         channels = []
         for data in self.channels:
             if id(data.rows) not in found:
-                place, beside = np.divmod(data.rows[: data.cells], every)
-                kept = np.flatnonzero(beside == 0)
-                found[id(data.rows)] = kept, place[kept]
+                rows = data.rows[: data.cells]
+                kept = np.flatnonzero(rows % every == 0)
+                found[id(data.rows)] = kept, rows[kept] // every
             channels.append(data.only(*found[id(data.rows)], slopes=False))
         return Cells(
             x_px=self.x_px[::every],

@@ -202,8 +202,8 @@ def equations(
     The sums are of the part with a known coefficient, then of the columns; `gram` as in a `Weighing`.
     """
     batch = sums[0].data.shape[:-1]
-    matrix = np.broadcast_to(prior.precision, (*batch, *prior.precision.shape)).copy()
-    rhs = np.broadcast_to(prior.precision @ prior.centre, (*batch, len(prior.centre))).copy()
+    matrix, rhs = np.empty((*batch, *prior.precision.shape)), np.empty((*batch, len(prior.centre)))
+    matrix[...], rhs[...] = prior.precision, prior.precision @ prior.centre
     squares = np.full(batch, float(prior.centre @ prior.precision @ prior.centre))
     for one, index, extra, of_extra in zip(sums, layout.index, layout.extras, gram, strict=True):
         mine = slice(1, 1 + len(index))
@@ -237,19 +237,22 @@ def combine(
     rhs[:size] = prior.precision @ (prior.centre - here)
     squares = float((prior.centre - here) @ rhs[:size])
     for cols, one, gram, index, extra in zip(columns, sums, weighing.gram, layout.index, layout.extras, strict=True):
-        to = np.concatenate([index, shapes])
-        along = cols.along(here[index])
-        predicted, slopes = along[0], cols.mix[0, 1:] if at is None else cols.slopes(along)
-        rest = one.data - one.products @ predicted
-        squares += one.squares - float(predicted @ (one.data + rest))
+        mix, to = cols.mix[0], index
+        if at is not None:
+            along = cols.along(here[index])
+            mix, to = np.concatenate([along[:1], cols.slopes(along)]), np.concatenate([index, shapes])
+        products, told = mix @ one.products @ mix.T, mix @ one.data
+        rest = told[1:] - products[1:, 0]
+        squares += float(one.squares - 2.0 * told[0] + products[0, 0])
         if len(gram):
-            across, left = one.across @ slopes.T, one.extra_data - one.across @ predicted
-            matrix[extra, to] += across
-            matrix[to, extra] += across.T
+            across = one.across @ mix.T
+            slopes, left = across[:, 1:], one.extra_data - across[:, 0]
+            matrix[extra, to] += slopes
+            matrix[to, extra] += slopes.T
             matrix[extra, extra] += gram
             rhs[extra] += left - gram @ here[extra]
             squares += float(here[extra] @ (gram @ here[extra] - 2.0 * left))
-            rest = rest - one.across.T @ here[extra]
-        matrix[to[:, None], to] += slopes @ one.products @ slopes.T
-        rhs[to] += slopes @ rest
+            rest -= slopes.T @ here[extra]
+        matrix[to[:, None], to] += products[1:, 1:]
+        rhs[to] += rest
     return Normal(matrix=matrix, rhs=rhs, squares=squares)

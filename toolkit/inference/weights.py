@@ -72,8 +72,8 @@ class Weights:
         means = rows[..., :n]
         yield means, self.each[:n]
         for s, lean in enumerate(self.lean, start=1):
-            own = slice(s * n, s * n + n)
-            yield rows[..., own] - lean * means, self.each[own]
+            own, part = slice(s * n, s * n + n), lean * means
+            yield np.subtract(rows[..., own], part, out=part), self.each[own]
 
     def apart(self, rows: Floats) -> Floats:
         """L times rows of data (..., m): their errors are independent, with `each` for weights."""
@@ -106,9 +106,10 @@ def weights_of(data: ChannelCells, noise: Noise, channel: int, predicted: Floats
     each = data.count.reshape(per_cell, n) / variance
     clipped = np.flatnonzero(data.censored)
     short = each[0, clipped]
-    each[:, clipped] = 0.0
+    if len(clipped):
+        each[:, clipped] = 0.0
     lean = noise.variance(signal + slopes, channel)
     lean -= variance
     lean /= variance  # -1 or more: no variance is negative
-    found = Weights(each=each.ravel(), lean=np.minimum(lean, 1.0, out=lean), clipped=clipped, short=short)
-    return found.sided(predicted[clipped] < data.value[clipped])
+    found = Weights(each=each.reshape(-1), lean=np.minimum(lean, 1.0, out=lean), clipped=clipped, short=short)
+    return found.sided(predicted[clipped] < data.value[clipped]) if len(clipped) else found
