@@ -8,6 +8,7 @@ import numpy as np
 
 from toolkit.geometry.sphere import Surface, surface
 from toolkit.records import Floats, Light, Scene
+from toolkit.reflectance.blockwise import Piece
 from toolkit.reflectance.cosines import Cosines, per_place
 from toolkit.reflectance.fresnel import schlick_pair
 
@@ -27,6 +28,15 @@ class Lit:
     schlick: Floats
     returned: Floats | None
 
+    def thinned(self, every: int) -> Lit:
+        """At one place in so many along the last axis, these together in memory."""
+
+        def piece(values: Floats) -> Floats:
+            few = values[..., ::every]
+            return np.ascontiguousarray(few) if any(few.strides) else few
+
+        return self._each(piece)
+
     def middles(self) -> Lit:
         """Means over the last axis but one, of nodes, in their place."""
 
@@ -34,6 +44,9 @@ class Lit:
             nodes = values.shape[-2]
             return np.full((1, nodes), 1.0 / nodes) @ values if any(values.strides) else values[..., :1, :]
 
+        return self._each(piece)
+
+    def _each(self, piece: Piece) -> Lit:
         return replace(
             self,
             cosines=self.cosines.part(piece),

@@ -39,7 +39,14 @@ class View:
 
     def thinned(self, every: int) -> View:
         """One cell in `every`, for a first search."""
-        return View.of(self.scene, self.gathered.thinned(every), self.noise, whole=self.whole)
+        few = self.gathered.thinned(every)
+        return replace(
+            self,
+            gathered=few,
+            cells=few if self.cells is self.gathered else self.cells.thinned(every),
+            seen=self.seen.thinned(every),
+            lights=tuple(light.thinned(every) for light in self.lights),
+        )
 
     def middles(self) -> View:
         """One node in the middle of each cell, for a look at where to begin: of no use to slopes."""
