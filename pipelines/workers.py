@@ -101,11 +101,16 @@ class Workers:
         return ((futures[future], future.result()) for future in as_completed(futures))
 
     def end(self, *, given_up: bool = False) -> None:
-        """End them, once all is done that is due, or at once where that is `given_up`."""
+        """End them, once all is done that is due, or at once where that is `given_up`.
+
+        Raises BrokenProcessPool where one was ended by the system: whoever asks later cannot know why.
+        """
         if self._pool is None:
             return
         if not given_up:
-            wait(self._due)
+            broken = [one for one in wait(self._due).done if not one.cancelled() and _is_broken(one)]
+            if broken:
+                broken[0].result()
         if not all(future.done() for future in (*self._due, *self._guesses)):
             self._end_children()
         self._pool.shutdown(wait=given_up, cancel_futures=True)  # nobody waits for forks to tidy up
@@ -145,6 +150,10 @@ _known: list[Job] = []  # in a fork, what it was begun with
 
 def _run(number: int, asked: tuple[Any, ...], more: dict[str, Any]) -> object:
     return _known[number](*asked, **more)
+
+
+def _is_broken(future: Future[Any]) -> bool:
+    return isinstance(future.exception(), BrokenProcessPool)
 
 
 def _settle_in(parent: int, known: list[Job]) -> None:

@@ -168,16 +168,19 @@ def test_an_interrupt_while_they_end_ends_them_too() -> None:
     assert ended(before)
 
 
-def test_a_fork_that_the_system_ends_is_told_in_one_line() -> None:
-    """As where memory runs out."""
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_fork_that_the_system_ends_is_told_in_one_line(*, asked: bool) -> None:
+    """As where memory runs out; whether somebody asks for what it was to do or not."""
+
+    def die() -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
 
     def killed() -> None:
         with workers(2) as crew:
-            crew.learn(os.kill)
-            crew.learn(os.getpid)
-            pid = crew.submit(os.getpid).result()
-            crew.submit(os.kill, pid, signal.SIGKILL).result()
-            crew.submit(os.getpid).result()
+            crew.learn(die)
+            future = crew.submit(die)
+            if asked:
+                future.result()
 
     with pytest.raises(FitMaterialError, match="memory"):
         killed()
