@@ -3,7 +3,8 @@
 python -m tests.benchmarks.whole     prints the figure; `make bench` calls `main()`
 
 A ball two thirds of the frame high, fitted with every default model and written without a page, against rawpy opening
-and postprocessing the same file with its defaults, in turn, imports left out; wall-clock seconds, the best of each.
+and postprocessing the same file with its defaults, in turn, imports left out; wall-clock seconds. The figure is the
+median of the pairs' ratios: a machine's speed drifts, and is the same for both of a pair; the best of each is told too.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -29,7 +31,7 @@ from toolkit.geometry.lights import DirectionalLight
 from toolkit.records import Camera, Scene, Sphere
 
 WIDTH_PX, HEIGHT_PX = 6000, 4000
-TARGET, REPEATS = 1.0, 6
+TARGET, REPEATS = 1.0, 7
 
 
 def shoot(path: Path) -> None:
@@ -88,10 +90,12 @@ def main() -> list[dict[str, Any]]:
             )
             for i in range(REPEATS + 1)
         ][1:]  # the first is for warmth
-    ratio = min(mine for mine, _ in pairs) / min(converter for _, converter in pairs)
+    ratio = median(mine / converter for mine, converter in pairs)
+    best = [min(seconds) for seconds in zip(*pairs, strict=True)]
     name = "whole run on 24 megapixels, x rawpy's opening and developing"
     for mine, converter in pairs:
         sys.stdout.write(f"whole run {mine:.2f} s, rawpy {converter:.2f} s\n")
+    sys.stdout.write(f"best of each: {best[0]:.2f} s, {best[1]:.2f} s, {best[0] / best[1]:.2f} x\n")
     sys.stdout.write(f"{name:66} {ratio:10.3g}  asked {TARGET:g}  {ratio <= TARGET}\n")
     return [{"name": name, "figure": ratio, "target": TARGET, "met": ratio <= TARGET}]
 
