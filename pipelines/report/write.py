@@ -85,9 +85,7 @@ class Files:
     exports: Sequence[str]
     held: ExitStack  # what is closed in the end: the threads that write, then the draft
     name: str = ""  # the stem of all of them
-    begun: dict[str, Future[float] | None] = field(
-        default_factory=dict
-    )  # by suffix, the seconds it takes, if it says so
+    begun: dict[str, Future[float] | None] = field(default_factory=dict)  # by suffix, the seconds of those that tell
     place: tuple[Path, ThreadPoolExecutor] | None = None  # not before the first: a fit that fails leaves no trace
     lock: threading.Lock = field(default_factory=threading.Lock)  # the first may be begun in two threads at once
     crew: Workers | None = None
